@@ -1,0 +1,198 @@
+"""Cubic NURBS curves through given points, open or closed [Zhang, Eqs. 16-22].
+
+The paper solves the control vertices of an open curve with given end tangents and closes the path by letting its ends
+meet. A closed curve here comes from the cyclic system instead, so that tangent and curvature match at the seam as well.
+SciPy's B-splines do the basis functions (Eq. 17) and the evaluation (Eq. 18), on homogeneous control vertices.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline
+
+from breastscan.errors import PlanningError
+from breastscan.geometry.nurbs_system import (
+    DEGREE,
+    check_points,
+    checked_parameters,
+    checked_weights,
+    chord_parameters,
+    fitted,
+    interpolate_closed,
+    interpolate_open,
+)
+
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(8)
+"""Quadrature of arc length on a knot span, nodes in [-1, 1]."""
+SUBDIVISIONS = 4
+"""Pieces of a knot span for the same quadrature: the speed along a span is not a polynomial."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nurbs:
+    """A cubic curve C(u), u in [0, 1], in any number of dimensions."""
+
+    spline: BSpline
+    """Homogeneous curve (w x, w) over u in [0, 1], periodic where the curve is closed."""
+    closed: bool
+    """Whether u = 1 is u = 0 again."""
+
+    @staticmethod
+    def interpolate(
+        points: Float[np.ndarray, "n d"],
+        closed: bool = True,
+        weights: Float[np.ndarray, "w"] | None = None,
+        parameters: Float[np.ndarray, "m"] | None = None,
+    ) -> "Nurbs":
+        """The curve through `points`, with knots at cumulative chord length.
+
+        Args:
+            points: Points in order; a closed curve returns to the first by itself, so it must not be repeated.
+            closed: A closed curve (C2 everywhere); else an open one with the tangents at its ends that the parabola
+                through the three outermost points has.
+            weights: Weight of the control vertex next to each point, all positive: greater pulls the curve closer to
+                its polygon there; None for 1.
+            parameters: Where the curve passes the points, rising from 0, and below 1 for a closed curve and to 1 for an
+                open one; None for cumulative chord length. For quantities that go with another curve's points.
+
+        Raises:
+            PlanningError: Fewer than 4 points, equal neighbours, numbers that are not finite or not positive weights.
+        """
+        check_points(points)
+        given = chord_parameters(points, closed) if parameters is None else parameters
+        u = checked_parameters(given, len(points), closed)
+        solve = interpolate_closed if closed else interpolate_open
+        return Nurbs(spline=solve(points, u, checked_weights(weights, len(points))), closed=closed)
+
+    @staticmethod
+    def fit(points: Float[np.ndarray, "n d"], vertices: int, closed: bool = True) -> "Nurbs":
+        """The curve of `vertices` control vertices that is nearest to noisy `points` in the least-squares sense.
+
+        Raises:
+            PlanningError: Bad points as for `interpolate`, or not between 4 and `len(points)` vertices.
+        """
+        check_points(points)
+        if not DEGREE < vertices <= len(points):
+            raise PlanningError(
+                f"a fit needs 4 to {len(points)} control vertices (one a point at most), got {vertices}", vertices
+            )
+        return Nurbs(spline=fitted(points, chord_parameters(points, closed), vertices, closed), closed=closed)
+
+    def evaluate(self, u: Float[np.ndarray, "*n"] | float, derivative: int = 0) -> Float[np.ndarray, "*n d"]:
+        """The curve or one of its derivatives with respect to u.
+
+        Args:
+            u: Parameters in [0, 1].
+            derivative: Order, 0 for the curve itself.
+
+        Raises:
+            PlanningError: A parameter outside [0, 1].
+        """
+        if not self.is_rational:
+            return self._plain_spline(self._inside(u), nu=derivative)
+        return self.derivatives(u, derivative)[derivative]
+
+    def derivatives(self, u: Float[np.ndarray, "*n"] | float, order: int) -> Float[np.ndarray, "k *n d"]:
+        """The curve and its derivatives up to `order`, at once: a rational curve's build on each other.
+
+        Raises:
+            PlanningError: A parameter outside [0, 1].
+        """
+        u = self._inside(u)
+        if not self.is_rational:
+            return np.stack([self._plain_spline(u, nu=k) for k in range(order + 1)])
+        homogeneous = [self.spline(u, nu=k) for k in range(order + 1)]
+        w = [h[..., -1:] for h in homogeneous]
+        C = np.stack([h[..., :-1] for h in homogeneous])
+        for k in range(order + 1):  # Leibniz' rule on the k-th derivative of w C
+            for i in range(1, k + 1):
+                C[k] -= comb(k, i) * w[i] * C[k - i]
+            C[k] /= w[0]
+        return C
+
+    @staticmethod
+    def _inside(u: np.ndarray | float) -> np.ndarray:
+        u = np.asarray(u, float)
+        if u.size and not (u.min() >= 0.0 and u.max() <= 1.0):
+            raise PlanningError("curve parameters must lie in [0, 1]: divide lengths by the curve's length", u)
+        return u
+
+    @property
+    def is_rational(self) -> bool:
+        """Whether the control vertices' weights differ."""
+        return bool(np.ptp(self.weights) > 0.0)
+
+    @property
+    def weights(self) -> Float[np.ndarray, "c"]:
+        """Weights of the control vertices (a closed curve's first three stand at the end again)."""
+        return self.spline.c[:, -1]
+
+    @property
+    def control_points(self) -> Float[np.ndarray, "c d"]:
+        """Control vertices d_i (a closed curve's first three stand at the end again)."""
+        return self.spline.c[:, :-1] / self.weights[:, None]
+
+    @property
+    def breaks(self) -> Float[np.ndarray, "k"]:
+        """Distinct knots in [0, 1]."""
+        knots = self.spline.t[DEGREE:-DEGREE]
+        return knots[np.append(True, np.diff(knots) > 0.0)]
+
+    @cached_property
+    def polynomials(self) -> Float[np.ndarray, "spans 4 h"]:
+        """Homogeneous power-basis coefficients of each span between `breaks`, highest power first."""
+        starts = self.breaks[:-1]
+        return np.stack([self.spline(starts, nu=k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1)
+
+    @cached_property
+    def _plain_spline(self) -> BSpline:
+        return BSpline(self.spline.t, self.control_points, DEGREE, extrapolate=self.spline.extrapolate)
+
+    def curvature(self, u: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Curvature at parameters u [1/m]."""
+        _, first, second = self.derivatives(u, 2)
+        speed_squared = np.sum(first**2, axis=-1)
+        across = second - first * (np.sum(first * second, axis=-1) / speed_squared)[..., None]
+        return np.linalg.norm(across, axis=-1) / speed_squared
+
+    @cached_property
+    def _length_table(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters from 0 to 1 and the arc length up to each."""
+        steps = np.linspace(0.0, 1.0, SUBDIVISIONS, endpoint=False)
+        u = np.append((self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * steps).ravel(), 1.0)
+        half = np.diff(u) / 2.0
+        nodes = u[:-1, None] + half[:, None] * (1.0 + GAUSS_NODES)
+        speed = np.linalg.norm(self.evaluate(np.minimum(nodes, 1.0), 1), axis=-1)
+        return u, np.append(0.0, np.cumsum(half * (speed @ GAUSS_WEIGHTS)))
+
+    @property
+    def length(self) -> float:
+        """Arc length of the whole curve [m]."""
+        return float(self._length_table[1][-1])
+
+    def arc_length(self, u: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """Arc length from the start to each parameter [m]."""
+        table_u, table_s = self._length_table
+        span = np.clip(np.searchsorted(table_u, u, side="right") - 1, 0, len(table_u) - 2)
+        half = (u - table_u[span]) / 2.0
+        nodes = table_u[span, None] + half[:, None] * (1.0 + GAUSS_NODES)
+        speed = np.linalg.norm(self.evaluate(np.minimum(nodes, 1.0), 1), axis=-1)
+        return table_s[span] + half * (speed @ GAUSS_WEIGHTS)
+
+    def parameter(self, s: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """Parameters at arc lengths from the start [m], by Newton's method on `arc_length`."""
+        table_u, table_s = self._length_table
+        u = np.interp(s, table_s, table_u)
+        for _ in range(4):
+            speed = np.linalg.norm(self.evaluate(u, 1), axis=-1)
+            u = np.clip(u - (self.arc_length(u) - s) / speed, 0.0, 1.0)
+        return u
+
+    def insert_knot(self, u: float) -> "Nurbs":
+        """The same curve with one more knot, and so one more control vertex, at u in (0, 1)."""
+        if not 0.0 < u < 1.0:
+            raise PlanningError(f"a knot can be inserted between 0 and 1, got {u}", u)
+        return Nurbs(spline=self.spline.insert_knot(u), closed=self.closed)

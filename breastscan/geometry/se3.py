@@ -1,0 +1,63 @@
+"""Rigid poses as 4x4 matrices, and the letters of every frame.
+
+Monogram notation: `X_AB` is the pose of frame B in frame A, so `p_A = transform(X_AB, p_B)`,
+`X_AC = X_AB @ X_BC`, and adjacent letters must match. A vector names its basis last: `n_B`.
+
+| letter | frame | axes |
+|---|---|---|
+| W | world | z up, origin under the robot's base on the table top |
+| B | robot base | as Universal Robots define it, z up |
+| F | tool flange | z out of the flange |
+| P | probe tip | middle of the probe face; z out of it into the tissue, x along the array, y in elevation |
+| L, R | left and right camera | OpenCV: x right, y down, z forward |
+| S | phantom | middle of the breast's base on the chest plate; z along the plate's outward normal |
+
+All functions are batched over leading axes. Lengths in metres, angles in radians.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+
+def pose(R: Float[np.ndarray, "*b 3 3"], p: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 4 4"]:
+    """The pose with rotation `R` and translation `p` [m]."""
+    X = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
+    X[..., :3, :3] = R
+    X[..., :3, 3] = p
+    X[..., 3, 3] = 1.0
+    return X
+
+
+def inverse(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 4 4"]:
+    """`X_BA`, by transposing the rotation (exact for rigid poses)."""
+    R_BA = np.swapaxes(X_AB[..., :3, :3], -1, -2)
+    return pose(R_BA, -np.einsum("...ij,...j->...i", R_BA, X_AB[..., :3, 3]))
+
+
+def transform(X_AB: Float[np.ndarray, "4 4"], p_B: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Points given in B, expressed in A [m]."""
+    return p_B @ X_AB[:3, :3].T + X_AB[:3, 3]
+
+
+def rotate(X_AB: Float[np.ndarray, "4 4"], v_B: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """Free vectors given in basis B, expressed in basis A."""
+    return v_B @ X_AB[:3, :3].T
+
+
+def from_rotation_vector(r: Float[np.ndarray, "*b 3"], p: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 4 4"]:
+    """The pose with rotation vector `r` [rad] (axis times angle) and translation `p` [m]."""
+    R = Rotation.from_rotvec(r.reshape(-1, 3)).as_matrix().reshape(*r.shape[:-1], 3, 3)
+    return pose(R, p)
+
+
+def rotation_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 3"]:
+    """Rotation vector [rad] of each pose, of length pi at most."""
+    R = X_AB[..., :3, :3]
+    return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
+
+
+def angle_between(a: Float[np.ndarray, "*b 3"], b: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b"]:
+    """Angle between vectors [rad], accurate near 0 and pi as well."""
+    cross = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.arctan2(cross, np.sum(a * b, axis=-1)))
