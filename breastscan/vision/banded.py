@@ -1,0 +1,96 @@
+"""Symmetric positive definite systems of a narrow band, and small dense products, each on one thread.
+
+BLAS would serve, but starts threads whose waiting costs twenty times what these small problems take.
+
+Entry (j, j + k) of a banded matrix stands at [j, k]; the part below the diagonal is not kept.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.vision.lanes import kernel
+
+
+def factorized(matrix: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "n band"]:
+    """The upper triangular U with U^T U = `matrix`.
+
+    Raises:
+        numpy.linalg.LinAlgError: The matrix is not positive definite.
+    """
+    factor = matrix.copy()
+    if not _factorize(factor):
+        raise np.linalg.LinAlgError("the banded matrix is not positive definite")
+    return factor
+
+
+def solved(factor: Float[np.ndarray, "n band"], right_side: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+    """The x with U^T U x = `right_side`."""
+    x = right_side.copy()
+    _substitute(factor, x)
+    return x
+
+
+def inverse_within_band(factor: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "n band"]:
+    """Those entries of (U^T U)^-1 that lie within the band [Takahashi 1973]."""
+    inverse = np.zeros_like(factor)
+    _invert_within_band(factor, inverse)
+    return inverse
+
+
+@kernel
+def product(a, b):
+    """`a @ b`."""
+    result = np.zeros((a.shape[0], b.shape[1]))
+    for i in range(a.shape[0]):
+        for k in range(a.shape[1]):
+            factor = a[i, k]
+            if factor != 0.0:  # most of a cell at an object's rim is outside the object
+                for j in range(b.shape[1]):
+                    result[i, j] += factor * b[k, j]
+    return result
+
+
+@kernel
+def _factorize(matrix):
+    size, band = matrix.shape
+    for j in range(size):
+        if not matrix[j, 0] > 0.0:
+            return False
+        matrix[j] /= np.sqrt(matrix[j, 0])
+        for i in range(1, min(band, size - j)):
+            for k in range(i, band):
+                matrix[j + i, k - i] -= matrix[j, i] * matrix[j, k]
+    return True
+
+
+@kernel
+def _substitute(factor, x):
+    size, band = factor.shape
+    for j in range(size):
+        x[j] /= factor[j, 0]
+        for k in range(1, min(band, size - j)):
+            x[j + k] -= factor[j, k] * x[j]
+    for j in range(size - 1, -1, -1):
+        for k in range(1, min(band, size - j)):
+            x[j] -= factor[j, k] * x[j + k]
+        x[j] /= factor[j, 0]
+
+
+@kernel
+def _invert_within_band(factor, inverse):
+    """Row by row from the last: Z U^T = U^-1 is upper triangular with 1 / U_jj on its diagonal."""
+    size, band = factor.shape
+    product_row = np.empty(band)
+    for j in range(size - 1, -1, -1):
+        reach = min(band, size - j)
+        product_row[:] = 0.0  # of the known block of Z below and right of j with row j of U
+        for i in range(1, reach):
+            product_row[i] += inverse[j + i, 0] * factor[j, i]
+            for k in range(i + 1, reach):
+                product_row[k] += inverse[j + i, k - i] * factor[j, i]
+                product_row[i] += inverse[j + i, k - i] * factor[j, k]
+        diagonal = 1.0 / factor[j, 0]
+        for k in range(1, reach):
+            inverse[j, k] = -product_row[k] * diagonal
+            product_row[0] += inverse[j, k] * factor[j, k]
+        inverse[j, 0] = (diagonal - product_row[0]) * diagonal

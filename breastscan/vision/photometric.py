@@ -1,0 +1,167 @@
+"""Fits of a spline disparity field: to the matcher's disparity, and from there to the images themselves."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int, UInt8
+from scipy.ndimage import spline_filter1d
+
+from breastscan.vision.banded import factorized, solved
+from breastscan.vision.spline_field import Region, SplineField
+
+RIDGE = 1e-9
+"""Added to the diagonal, so that a coefficient that no pixel sees stays where it is."""
+INITIAL_SMOOTHING = 1e-2
+INITIAL_ROUNDS = 3
+INITIAL_OUTLIER_PX = 0.3
+"""In the fit to the matcher's disparity, a residual beyond this counts less."""
+NORMAL_DEVIATIONS = 1.4826
+"""Standard deviations of a normal distribution in its median absolute value."""
+LEAST_NOISE = 0.3
+"""Grey levels of noise that rounding to 8 bit leaves in any image."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig:
+    """How the field is fitted to the images."""
+
+    smoothing: float = 3.0
+    """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
+    huber: float = 2.5
+    """A residual beyond this many deviations of the noise counts less."""
+    iterations: int = 6
+    """Gauss-Newton steps at most."""
+    converged_px: float = 2e-3
+    """A step smaller than this ends the iteration [px]."""
+
+    def __post_init__(self) -> None:
+        for name in ("smoothing", "huber", "converged_px"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.iterations < 1:
+            raise ValueError(f"iterations must be 1 or more, got {self.iterations}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GreyLevels:
+    """Grey levels of the region's left pixels, and the right image as cubic splines along its rows."""
+
+    left: Float[np.ndarray, "cells pixels"]
+    right_splines: Float[np.ndarray, "rows w"]
+    row: Int[np.ndarray, "cells pixels"]
+    """Row of each pixel in `right_splines`."""
+    column: Int[np.ndarray, "cells pixels"]
+    """Column of each pixel in the whole image."""
+
+    @staticmethod
+    def cut(left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], region: Region) -> "GreyLevels":
+        """Those that the region needs."""
+        rows, columns = np.mgrid[region.rows, region.columns]
+        splines = spline_filter1d(right[region.rows].astype(float), 3, axis=1, mode="mirror")
+        return GreyLevels(
+            left=region.field.to_cells(region.cut(left, 0.0)).astype(float),
+            right_splines=splines,
+            row=region.field.to_cells(np.minimum(rows - region.top, len(splines) - 1)),
+            column=region.field.to_cells(columns),
+        )
+
+    def right_at(
+        self, disparity: Float[np.ndarray, "cells pixels"]
+    ) -> tuple[Float[np.ndarray, "cells pixels"], Float[np.ndarray, "cells pixels"]]:
+        """Right grey level at x - d and its slope along x; beyond the border that of the border, with no slope."""
+        exact = self.column - disparity
+        position = np.clip(exact, 1.0, self.right_splines.shape[1] - 2.001)
+        knot = position.astype(np.int64)
+        t = position - knot
+        c0, c1, c2, c3 = (self.right_splines[self.row, knot + i] for i in range(-1, 3))
+        value = ((1 - t) ** 3 * c0 + (3 * t**3 - 6 * t**2 + 4) * c1 + (3 * (t + t**2 - t**3) + 1) * c2 + t**3 * c3) / 6
+        slope = (-((1 - t) ** 2) * c0 + (3 * t**2 - 4 * t) * c1 + (1 + 2 * t - 3 * t**2) * c2 + t**2 * c3) / 2
+        return value, np.where(position == exact, slope, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhotometricFit:
+    """A field, how the grey levels of the cameras relate, and the noise that is left."""
+
+    coefficients: Float[np.ndarray, "n"]
+    """The field's [px]."""
+    matrix: Float[np.ndarray, "n band"]
+    """Banded normal matrix that the coefficients come from [1/px^2, times the noise variance]."""
+    gain: float = 1.0
+    bias: float = 0.0
+    noise: float = LEAST_NOISE
+    """Standard deviation of left - gain * right(x - d) - bias [grey levels]."""
+
+
+def fit_to_matcher(
+    field: SplineField, matched: Float32[np.ndarray, "cells pixels"], smooth: Bool[np.ndarray, "cells pixels"]
+) -> Float[np.ndarray, "n"]:
+    """Coefficients of the field that best follows the matcher's disparity, outliers counting little."""
+    known = smooth & np.isfinite(matched)
+    target = np.where(known, matched, 0.0)
+    smoothing = INITIAL_SMOOTHING * field.banded(field.bending) + _ridge(field)
+    coefficients, weight = np.zeros(field.size), known.astype(float)
+    for _ in range(INITIAL_ROUNDS):
+        factor = factorized(field.normal_matrix(weight) + smoothing)
+        coefficients = solved(factor, field.right_side(weight * target))
+        weight = known * _huber_weight(target - field.evaluate(coefficients), INITIAL_OUTLIER_PX)
+    return coefficients
+
+
+def fit_to_images(
+    field: SplineField,
+    images: GreyLevels,
+    smooth: Bool[np.ndarray, "cells pixels"],
+    coefficients: Float[np.ndarray, "n"],
+    config: FitConfig,
+) -> PhotometricFit:
+    """Gauss-Newton from `coefficients` until a step is small."""
+    bending = field.banded(field.bending)
+    fit = PhotometricFit(coefficients=coefficients, matrix=bending)
+    for _ in range(config.iterations):
+        before, fit = fit, _step(field, images, smooth, bending, fit, config)
+        if np.abs(fit.coefficients - before.coefficients).max() < config.converged_px:
+            break
+    return fit
+
+
+def _step(
+    field: SplineField,
+    images: GreyLevels,
+    smooth: Bool[np.ndarray, "cells pixels"],
+    bending: Float[np.ndarray, "n band"],
+    fit: PhotometricFit,
+    config: FitConfig,
+) -> PhotometricFit:
+    """One Gauss-Newton step on left - gain * right(x - d) - bias, with the smoothing scaled by the noise."""
+    right, slope = images.right_at(field.evaluate(fit.coefficients))
+    residual = images.left - fit.gain * right - fit.bias
+    noise = max(LEAST_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual[smooth]))))
+    weight = smooth * _huber_weight(residual, config.huber * noise)
+    derivative = fit.gain * slope  # of the residual by d
+    smoothing = config.smoothing * noise**2
+    matrix = field.normal_matrix(weight * derivative**2) + smoothing * bending + _ridge(field)
+    descent = -field.right_side(weight * derivative * residual) - smoothing * (field.bending @ fit.coefficients)
+    gain, bias = _line_fit(right, images.left, weight)
+    coefficients = fit.coefficients + solved(factorized(matrix), descent)
+    return PhotometricFit(coefficients=coefficients, matrix=matrix, gain=gain, bias=bias, noise=noise)
+
+
+def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:
+    """A banded row that adds `RIDGE` to the diagonal."""
+    return RIDGE * np.eye(1, field.bandwidth + 1)[0]
+
+
+def _huber_weight(residual: Float[np.ndarray, "*s"], limit: float) -> Float[np.ndarray, "*s"]:
+    return 1.0 / np.maximum(1.0, np.abs(residual) / limit)
+
+
+def _line_fit(
+    x: Float[np.ndarray, "*s"], y: Float[np.ndarray, "*s"], weight: Float[np.ndarray, "*s"]
+) -> tuple[float, float]:
+    """Slope and intercept of the weighted least-squares line; slope 1 where x does not vary."""
+    total = weight.sum()
+    mean_x, mean_y = (weight * x).sum() / total, (weight * y).sum() / total
+    spread = (weight * (x - mean_x) ** 2).sum()
+    slope = (weight * (x - mean_x) * (y - mean_y)).sum() / spread if spread > 0 else 1.0
+    return float(slope), float(mean_y - slope * mean_x)

@@ -1,0 +1,123 @@
+"""Disparity of a rectified pair: census, semi-global matching, consistency, sub-pixel, median [Zhang, Sec. II-B]."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from breastscan.errors import PerceptionError
+from breastscan.vision.census import census
+from breastscan.vision.lanes import LANES, kernel
+from breastscan.vision.sgm import semi_global_disparity
+from breastscan.vision.sgm_kernels import Matching
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoConfig:
+    """Search range and smoothness of the matcher."""
+
+    min_disparity: int = 64
+    """Smallest disparity searched [px]; 64 px is 1.06 m away on the paper's rig."""
+    num_disparities: int = 128
+    """Number of disparities searched, a multiple of 32."""
+    paths: Literal[4, 8] = 8
+    """Directions the cost is summed over [Zhang, Eq. 5]: 8, or 4 for rows and columns only."""
+    P1: int = 20
+    """Penalty of a disparity change by 1 px between neighbours [census bits]."""
+    P2: int = 63
+    """Penalty of any larger change [census bits]."""
+    consistency_px: int = 1
+    """Largest difference between the left and the right image's winner [px] [Zhang, Eq. 7]."""
+    subpixel: Literal["equiangular", "parabola"] = "equiangular"
+    """Fit of the cost about its minimum. Census costs form a V: a parabola is drawn to whole pixels."""
+    median_px: Literal[1, 3, 5] = 5
+    """Side of the median filter's window [px]; 1 for none."""
+
+    def __post_init__(self) -> None:
+        if self.min_disparity < 0:
+            raise ValueError(f"min_disparity must be 0 px or more, got {self.min_disparity}")
+        if self.num_disparities < LANES or self.num_disparities % LANES:
+            raise ValueError(f"num_disparities must be a multiple of {LANES}, got {self.num_disparities}")
+        if self.paths not in (4, 8):
+            raise ValueError(f"paths must be 4 or 8, got {self.paths}")
+        largest_P2 = 255 // (self.paths // 2)  # the sums of half the paths are kept in 8 bits
+        if not 0 < self.P1 <= self.P2 <= largest_P2:
+            raise ValueError(f"0 < P1 <= P2 <= {largest_P2} must hold for {self.paths} paths, got {self.P1}, {self.P2}")
+        if self.consistency_px < 0:
+            raise ValueError(f"consistency_px must be 0 or more, got {self.consistency_px}")
+        if self.subpixel not in ("equiangular", "parabola"):
+            raise ValueError(f"subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}")
+        if self.median_px not in (1, 3, 5):
+            raise ValueError(f"median_px must be 1, 3 or 5, got {self.median_px}")
+
+
+def disparity_map(
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h2 w2"], config: StereoConfig
+) -> Float32[np.ndarray, "h w"]:
+    """Disparity of every left pixel [px], NaN where unknown: the point (x, y) lies at (x - disparity, y) on the right.
+
+    The same images give the same map, bit for bit, on any machine.
+
+    Raises:
+        PerceptionError: The images differ in size, or are too narrow for the search range.
+    """
+    if left.shape != right.shape:
+        raise PerceptionError(
+            f"both images of a pair must have one size, got {left.shape[1]}x{left.shape[0]} px (left) and "
+            f"{right.shape[1]}x{right.shape[0]} px (right): rectify them together",
+            right.shape,
+        )
+    height, width = left.shape
+    matched = width - config.min_disparity
+    if height < 1 or matched < 1:
+        raise PerceptionError(
+            f"an image of {width}x{height} px has no pixel that can move by min_disparity = {config.min_disparity} px: "
+            "search smaller disparities or use larger images",
+            left.shape,
+        )
+    continued = cv2.copyMakeBorder(right, 0, 0, config.num_disparities - 1, 0, cv2.BORDER_REPLICATE)
+    disparity = np.full((height, width), np.nan, np.float32)
+    disparity[:, config.min_disparity :] = semi_global_disparity(
+        np.ascontiguousarray(census(left)[:, :, config.min_disparity :]),
+        census(continued),
+        width=matched,
+        disparities=config.num_disparities,
+        paths=config.paths,
+        matching=Matching(
+            P1=np.uint8(config.P1),
+            P2=np.uint8(config.P2),
+            largest_disparity=config.min_disparity + config.num_disparities - 1,
+            tolerance=config.consistency_px,
+            equiangular=config.subpixel == "equiangular",
+        ),
+    )
+    return median_of_known(disparity, config.median_px)
+
+
+def median_of_known(disparity: Float32[np.ndarray, "h w"], size: int) -> Float32[np.ndarray, "h w"]:
+    """Median of the known values in each pixel's window (of two middle ones the lower); unknown pixels stay unknown."""
+    if size == 1:
+        return disparity
+    # OpenCV's filter is fast but knows no NaN; windows that hold one are done again.
+    filtered = cv2.medianBlur(np.nan_to_num(disparity), size)
+    unknown = np.isnan(disparity)
+    near_unknown = cv2.dilate(unknown.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=1)
+    _median_of_known_at(np.argwhere((near_unknown > 0) & ~unknown), disparity, size // 2, filtered)
+    filtered[unknown] = np.nan
+    return filtered
+
+
+@kernel
+def _median_of_known_at(pixels, disparity, half, filtered):
+    height, width = disparity.shape
+    known = np.empty((2 * half + 1) ** 2, np.float32)
+    for y, x in pixels:
+        count = 0
+        for v in range(max(y - half, 0), min(y + half + 1, height)):
+            for u in range(max(x - half, 0), min(x + half + 1, width)):
+                if not np.isnan(disparity[v, u]):
+                    known[count] = disparity[v, u]
+                    count += 1
+        filtered[y, x] = np.sort(known[:count])[(count - 1) // 2]
