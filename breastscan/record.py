@@ -1,0 +1,138 @@
+"""The run folder: everything a scan leaves behind, complete or not at all."""
+
+import dataclasses
+import json
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+
+import cv2
+import numpy as np
+import polars as pl
+import trimesh
+from jaxtyping import Float, Float32
+from trimesh.exchange.ply import export_ply
+
+from breastscan.errors import ConfigError
+from breastscan.execution import MotionLog, ScanMotion
+from breastscan.geometry import kinematics
+
+REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
+
+
+@contextmanager
+def staged(out: Path) -> Iterator[Path]:
+    """Yield an empty folder whose files move into `out` when the block ends well, and vanish when it does not.
+
+    Whatever an earlier run left in `out` stays whole until the new results are complete.
+
+    Raises:
+        ConfigError: `out` cannot be written; said before any work is done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
+    except OSError as error:
+        raise ConfigError(
+            f"cannot write to the output folder {out} ({error.strerror}): choose another one with --out", out
+        ) from error
+    try:
+        yield folder
+        for path in sorted(folder.iterdir()):
+            os.replace(path, out / path.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def write_json(path: Path, content: dict) -> None:
+    """Write JSON that any reader takes: arrays as lists, paths as strings, no NaN."""
+    path.write_text(json.dumps(content, indent=2, default=_plain, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _plain(value: object) -> object:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"cannot write a {type(value).__name__} as JSON")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what the numbers of a run depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in REPORTED_VERSIONS}}
+
+
+def write_image(path: Path, image: np.ndarray) -> None:
+    """Write a PNG.
+
+    Raises:
+        ConfigError: The file could not be written.
+    """
+    if not cv2.imwrite(str(path), image):
+        raise ConfigError(f"cannot write {path}: is the disk full?", path)
+
+
+def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> np.ndarray:
+    """Disparity as colours (BGR), black where unknown, scaled to the 1 % and 99 % quantiles [Zhang, Fig. 6]."""
+    known = np.isfinite(disparity)
+    if not known.any():
+        return np.zeros((*disparity.shape, 3), np.uint8)
+    low, high = np.quantile(disparity[known], [0.01, 0.99])
+    grey = np.clip(255.0 * (disparity - low) / max(high - low, 1e-6), 0, 255)
+    colours = cv2.applyColorMap(np.where(known, grey, 0).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+    colours[~known] = 0
+    return colours
+
+
+def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> None:
+    """Write points [m] with their unit normals as binary PLY."""
+    cloud = trimesh.Trimesh(vertices=points, vertex_normals=normals, process=False)
+    path.write_bytes(export_ply(cloud, vertex_normal=True))
+
+
+def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]) -> None:
+    """Write the path's points [m] and unit normals in B as CSV."""
+    columns = dict(zip(("x_m", "y_m", "z_m", "nx", "ny", "nz"), np.hstack([points_B, normals_B]).T, strict=True))
+    pl.DataFrame(columns).write_csv(path, float_precision=7)
+
+
+def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"]) -> pl.DataFrame:
+    """The log as a table, one row a control period, the planned values beside the measured ones.
+
+    Returns:
+        Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
+        wrench (at the tip, basis P, force first [N, N m]) and contact. Off the path, s and the plan are NaN.
+    """
+    states = [row["state"] for row in log.rows]
+    on_path = np.array([row["index"] is not None for row in log.rows])
+    index = np.array([row["index"] or 0 for row in log.rows])
+    q = np.stack([state.q for state in states])
+    X_BP_plan = kinematics.forward(motion.q) @ X_FP
+
+    def planned(values: np.ndarray) -> np.ndarray:
+        flat = values.reshape(len(values), -1)[index]
+        return np.where(on_path[:, None], flat, np.nan)
+
+    return pl.DataFrame(
+        {
+            "t": np.array([state.time for state in states]),
+            "phase": [row["phase"] for row in log.rows],
+            "s": planned(motion.s)[:, 0],
+            "q": q,
+            "qd": np.stack([state.qd for state in states]),
+            "target": np.stack([row["target"] for row in log.rows]),
+            "q_plan": planned(motion.q),
+            "qd_plan": planned(motion.qd),
+            "X_BP": (kinematics.forward(q) @ X_FP).reshape(-1, 16),
+            "X_BP_plan": planned(X_BP_plan),
+            "wrench": np.stack([state.wrench_P for state in states]),
+            "contact": [row["contact"] for row in log.rows],
+        }
+    )

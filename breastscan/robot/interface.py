@@ -1,0 +1,102 @@
+"""What a robot and a stereo camera must offer, be they simulated, recorded or real.
+
+The twin (`sim.robot`, `sim.camera`) and the hardware implement these protocols; nothing in
+`breastscan` knows which of them it drives.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotState:
+    """One sample of the robot, all of it measured at the same instant."""
+
+    time: float
+    """Robot's own clock [s]."""
+    q: Float[np.ndarray, "6"]
+    """Joint angles as the encoders have them [rad]."""
+    qd: Float[np.ndarray, "6"]
+    """Joint speeds [rad/s]."""
+    wrench_P: Float[np.ndarray, "6"]
+    """Wrench that the tissue exerts on the probe, force first, at the tip P in basis P [N, N m]: since the last
+    `tare`, with the tool's own weight taken out. A pressing probe reads a negative force along z."""
+
+
+@runtime_checkable
+class Robot(Protocol):
+    """A UR5e with a probe and a wrist sensor, commanded in joint space."""
+
+    @property
+    def period(self) -> float:
+        """Control period [s]."""
+        ...
+
+    @property
+    def X_FP(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the probe tip in the flange, as the tool was set up."""
+        ...
+
+    def state(self) -> RobotState:
+        """The latest sample. Does not wait.
+
+        Raises:
+            RobotError: The link is down or the sample is stale.
+        """
+        ...
+
+    def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
+        """Track joint target `q` [rad] for one period, and return when the next period starts.
+
+        Raises:
+            RobotError: The command was refused or the robot has stopped.
+        """
+        ...
+
+    def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
+        """Move to `q` [rad] on a straight line in joint space and wait until there.
+
+        Args:
+            q: Target angles [rad].
+            speed: Top speed of the leading joint [rad/s].
+            acceleration: Its acceleration [rad/s^2].
+
+        Raises:
+            RobotError: The robot refused or stopped.
+        """
+        ...
+
+    def tare(self) -> None:
+        """Take the present wrench as zero."""
+        ...
+
+    def stop(self) -> None:
+        """Come to rest as fast as is gentle, and stay there."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoPair:
+    """Two grey images taken at the same instant, as the sensors saw them (distorted, not rectified)."""
+
+    left: UInt8[np.ndarray, "h w"]
+    right: UInt8[np.ndarray, "h2 w2"]
+    """Of the same size, or rectification refuses the pair."""
+    time: float
+    """Clock of the camera [s]."""
+
+
+@runtime_checkable
+class StereoCamera(Protocol):
+    """Two synchronised cameras."""
+
+    def capture(self) -> StereoPair:
+        """Take one pair.
+
+        Raises:
+            PerceptionError: No pair could be taken.
+        """
+        ...

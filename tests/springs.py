@@ -1,0 +1,42 @@
+"""A robot of the tests: perfect servo, and a flat elastic surface under the probe."""
+
+import numpy as np
+
+from breastscan.geometry import kinematics, se3
+from breastscan.robot.interface import RobotState
+
+X_FP = se3.pose(np.eye(3), np.array([0.0, 0.0, 0.15]))
+
+
+class SpringRobot:
+    """Moves exactly as told; a plane z = height in B pushes back with a stiffness [N/m] along its normal."""
+
+    period = 0.002
+
+    def __init__(self, q, height, stiffness=1000.0):
+        self.q, self.height, self.stiffness = np.array(q, float), height, stiffness
+        self.X_FP, self.time, self.offset = X_FP, 0.0, np.zeros(6)
+        self.qd, self.stopped, self.largest_force = np.zeros(6), False, 0.0
+
+    def state(self):
+        return RobotState(time=self.time, q=self.q.copy(), qd=self.qd.copy(), wrench_P=self._wrench() - self.offset)
+
+    def _wrench(self):
+        X_BP = kinematics.forward(self.q) @ self.X_FP
+        force = self.stiffness * max(self.height - X_BP[2, 3], 0.0)
+        self.largest_force = max(self.largest_force, force)
+        return np.concatenate([X_BP[:3, :3].T @ [0.0, 0.0, force], np.zeros(3)])
+
+    def servo_joint(self, q):
+        self.qd, self.q = (q - self.q) / self.period, q.copy()
+        self.time += self.period
+
+    def move_joint(self, q, speed, acceleration):
+        self.q, self.qd = np.array(q, float), np.zeros(6)
+        self.time += 1.0
+
+    def tare(self):
+        self.offset = self._wrench()
+
+    def stop(self):
+        self.stopped = True
