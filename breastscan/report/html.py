@@ -1,0 +1,74 @@
+"""Small pieces of HTML. Every text that comes in is escaped; only what these functions return counts as markup."""
+
+import base64
+from collections.abc import Sequence
+from html import escape
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from matplotlib.figure import Figure
+
+from breastscan.report.theme import to_svg
+
+PICTURE_WIDTH_PX = 800
+JPEG_QUALITY = 82
+
+
+def section(title: str, *blocks: str) -> str:
+    """A part of the page under a heading; `blocks` are markup."""
+    return f"<section>\n<h2>{escape(title)}</h2>\n" + "\n".join(block for block in blocks if block) + "\n</section>"
+
+
+def paragraph(text: str) -> str:
+    """A paragraph of plain text."""
+    return f"<p>{escape(text)}</p>"
+
+
+def captioned(content: str, caption: str) -> str:
+    """Any markup with a caption under it."""
+    return f"<figure>\n{content}\n<figcaption>{escape(caption)}</figcaption>\n</figure>"
+
+
+def card(value: str, unit: str, label: str) -> str:
+    """One number set large, with what it is underneath."""
+    return (
+        f'<div class="card"><span class="value">{escape(value)}</span> <span class="unit">{escape(unit)}</span>'
+        f'<span class="label">{escape(label)}</span></div>'
+    )
+
+
+def drawing(figure: Figure, description: str, caption: str) -> str:
+    """A drawn figure as inline SVG."""
+    return captioned(f'<div class="drawing">{to_svg(figure, description)}</div>', caption)
+
+
+def picture(image: UInt8[np.ndarray, "h w 3"], description: str) -> str:
+    """A camera picture, reduced to what the page can show and embedded as JPEG."""
+    height = round(image.shape[0] * PICTURE_WIDTH_PX / image.shape[1])
+    reduced = cv2.resize(image, (PICTURE_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+    _, jpeg = cv2.imencode(".jpg", reduced, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    data = base64.b64encode(jpeg.tobytes()).decode("ascii")
+    source = f"data:image/jpeg;base64,{data}"
+    return f'<img src="{source}" width="{PICTURE_WIDTH_PX}" height="{height}" alt="{escape(description)}">'
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> str:
+    """A table of plain texts; the columns in `numeric` are set flush right."""
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        kinds = [' class="number"' if column in numeric else "" for column in range(len(cells))]
+        return "<tr>" + "".join(f"<{tag}{k}>{escape(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True)) + "</tr>"
+
+    body = "\n".join(line("td", row) for row in rows)
+    return f'<div class="table"><table>\n<thead>{line("th", header)}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
+
+
+def group_table(title: str, rows: Sequence[Sequence[str]]) -> str:
+    """A table of one group of quantities: what, value, unit."""
+    return table((title, "value", "unit"), rows, numeric=(1,))
+
+
+def details(title: str, content: str) -> str:
+    """Markup that stays folded until it is asked for."""
+    return f"<details>\n<summary>{escape(title)}</summary>\n{content}\n</details>"

@@ -1,0 +1,78 @@
+"""Errors along the path, read from a log whose errors are known."""
+
+from itertools import pairwise
+
+import numpy as np
+import polars
+import pytest
+
+from breastscan.errors import ConfigError
+from breastscan.report.trajectory import Trajectory
+from tests.report.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
+
+
+def test_the_error_along_the_normal_is_the_indentation_and_deeper_is_negative(run):
+    assert run.trajectory.normal_errors_mm().mean() == pytest.approx(-1e3 * INDENTATION, abs=0.1)
+
+
+def test_the_error_across_the_normal_holds_no_indentation(run):
+    tangential_mm = run.trajectory.tangential_errors_mm()
+    assert 0 < tangential_mm.max() <= 1e3 * SLIP * np.sqrt(3)
+
+
+def test_normal_and_tangential_parts_make_up_the_whole_error(run):
+    whole = np.linalg.norm(run.trajectory.path_errors_mm(), axis=1)
+    parts = np.hypot(run.trajectory.normal_errors_mm(), run.trajectory.tangential_errors_mm())
+    np.testing.assert_allclose(parts, whole, rtol=1e-9)
+
+
+def test_errors_are_taken_over_the_loop_only(run):
+    errors_mm = run.trajectory.path_errors_mm()
+    assert np.isfinite(errors_mm).all()
+    assert len(errors_mm) == run.trajectory.phase.count("loop")
+
+
+def test_phases_follow_each_other_without_a_gap(run):
+    spans = run.trajectory.spans()
+    assert [span.phase for span in spans] == ["approach", "settle", "loop", "retreat"]
+    assert all(before.end == after.start for before, after in pairwise(spans))
+    loop = spans[2]
+    assert loop.end - loop.start == pytest.approx(16.0, abs=2 * PERIOD)
+
+
+def test_a_pressing_probe_has_a_positive_force(run):
+    assert np.median(run.trajectory.pressing_force[run.trajectory.in_loop]) == pytest.approx(5.0, abs=0.1)
+
+
+def test_time_counts_from_the_beginning_of_the_log(tmp_path):
+    table = trajectory_table(np.random.default_rng(0)).with_columns(polars.col("t") + 86400.0)
+    table.write_parquet(tmp_path / "log.parquet")
+    time = Trajectory.load(tmp_path / "log.parquet").t
+    assert time[0] == 0.0
+    assert time[1] == pytest.approx(PERIOD, abs=1e-9)
+
+
+def test_a_log_from_hardware_has_no_truth(tmp_path):
+    trajectory = Trajectory.load(write_run(tmp_path, with_truth=False) / "trajectory.parquet")
+    assert trajectory.true_force is None
+    assert trajectory.true_depth is None
+    assert trajectory.true_tilt is None
+
+
+def test_a_log_without_a_column_is_refused_by_the_columns_name(tmp_path):
+    trajectory_table(np.random.default_rng(0)).drop("qd").write_parquet(tmp_path / "log.parquet")
+    with pytest.raises(ConfigError, match="lacks the columns qd"):
+        Trajectory.load(tmp_path / "log.parquet")
+
+
+def test_an_empty_log_is_refused(tmp_path):
+    trajectory_table(np.random.default_rng(0)).clear().write_parquet(tmp_path / "log.parquet")
+    with pytest.raises(ConfigError, match="holds no sample"):
+        Trajectory.load(tmp_path / "log.parquet")
+
+
+def test_a_column_of_the_wrong_width_is_refused(tmp_path):
+    table = trajectory_table(np.random.default_rng(0))
+    table.with_columns(q=table["t"]).write_parquet(tmp_path / "log.parquet")
+    with pytest.raises(ConfigError, match="column q"):
+        Trajectory.load(tmp_path / "log.parquet")
