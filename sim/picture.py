@@ -1,0 +1,75 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no types)
+"""Drawing the scene off screen: the arm at given joint angles, the skin as deformed.
+
+Edges are jagged: callers draw larger than they need and reduce by area, which is cheaper without a graphics card than
+the renderer's own smoothing, and smooths textures as well.
+"""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from breastscan.geometry import se3
+from sim import opengl
+from sim.describe import COLLISION_GROUP
+from sim.scene import Scene
+from sim.ur5e import joint_names
+
+
+class Picture:
+    """A canvas of fixed size on which the scene is drawn. Close it, or use it in a `with` statement."""
+
+    def __init__(self, scene: Scene, width: int, height: int, *, shadows: bool = True) -> None:
+        """Open the canvas.
+
+        Args:
+            scene: What is drawn.
+            width: Width [px].
+            height: Height [px].
+            shadows: Whether the key light casts shadows; they take half the time.
+
+        Raises:
+            ConfigError: No OpenGL is usable.
+        """
+        self._X_BS = scene.X_BS
+        self._model = scene.pictures
+        self._data = mujoco.MjData(self._model)
+        self._joints = [self._model.joint(name).qposadr[0] for name in joint_names()]
+        self._options = mujoco.MjvOption()
+        self._options.geomgroup[COLLISION_GROUP] = 0
+        self._options.sitegroup[:] = 0
+        self._options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
+        self._renderer = _open_renderer(self._model, width, height)
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+
+    def arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None) -> None:
+        """Put the arm at `q` [rad] and the skin's vertices at `skin_S` [m], or leave the skin undeformed."""
+        self._data.qpos[self._joints] = q
+        mujoco.mj_forward(self._model, self._data)
+        if skin_S is not None:
+            self._data.flexvert_xpos[:] = se3.transform(self._X_BS, skin_S)
+
+    def draw(self, camera: str | mujoco.MjvCamera) -> UInt8[np.ndarray, "h w 3"]:
+        """RGB picture from a camera of the scene or a free one; valid until the next call."""
+        self._renderer.update_scene(self._data, camera, self._options)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Give the graphics memory back."""
+        self._renderer.close()
+
+    def __enter__(self) -> "Picture":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.quality.offsamples = 0
+    try:
+        return mujoco.Renderer(model, height, width)
+    except Exception as error:
+        raise opengl.missing(error) from error

@@ -1,0 +1,133 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no types)
+"""The whole scene: one description, compiled once for physics and once for pictures.
+
+The soft skin is a textured mesh whose vertices are overwritten with the deformed surface before every
+picture; physics does not need it, and runs faster without it.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.errors import CalibrationError, ConfigError
+from breastscan.geometry import se3
+from breastscan.vision.camera import StereoRig
+from sim.describe import Element, add_material, mjcf
+from sim.lens import CameraConfig, canvas, mujoco_camera
+from sim.phantom import Phantom, PhantomConfig
+from sim.probe import add_tool, tip_pose
+from sim.probe_face import ProbeFace
+from sim.room import LIT_CENTRE, LIT_RADIUS, STANDING_ROOM_X, STANDING_ROOM_Y, add_chest, add_room, add_stand
+from sim.ur5e import add_arm
+from sim.wrench_sensor import GRAVITY_W, WrenchSensorConfig
+
+PERIOD = 0.002
+"""Control period and physics time step [s]."""
+SHADOW_MAP_PX = 2048
+HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
+"""Joint angles [rad] with the arm parked over its base, out of both cameras' view of the phantom."""
+LARGEST_MOUNT_ANGLE = np.deg2rad(90.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneConfig:
+    """What stands where, and how well the sensors see it."""
+
+    phantom: PhantomConfig = field(default_factory=PhantomConfig)
+    p_BS: tuple[float, float, float] = (0.50, 0.0, 0.08)
+    """Middle of the breast's base in the robot's base frame [m]."""
+    rig: Path | None = None
+    """Rig file with `X_BL`; None for the one that comes with the package."""
+    mount_angle: float = np.pi / 4
+    """Angle between the probe's axis and the flange's [rad]."""
+    wrist: WrenchSensorConfig = field(default_factory=WrenchSensorConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+
+    def __post_init__(self) -> None:
+        p = np.array(self.p_BS, float)
+        if p.shape != (3,) or not np.isfinite(p).all():
+            raise ConfigError(f"p_BS must be three finite lengths in metres, got {self.p_BS}", self.p_BS)
+        (left, right), (near, far) = STANDING_ROOM_X, STANDING_ROOM_Y
+        if not (left <= p[0] <= right and near <= p[1] <= far):
+            raise ConfigError(
+                f"the phantom must stand on the table beside robot and stand, x in {left} .. {right} m and y in "
+                f"{near} .. {far} m, got {self.p_BS}: the default (0.50, 0, 0.08) suits the arm best",
+                self.p_BS,
+            )
+        if p[2] <= 0:
+            raise ConfigError(f"the chest plate must lie above the table (z > 0), got z = {p[2]} m", self.p_BS)
+        if not 0 <= self.mount_angle <= LARGEST_MOUNT_ANGLE:
+            raise ConfigError(f"mount_angle must lie in 0 .. pi/2 rad, got {self.mount_angle}", self.mount_angle)
+
+
+class Scene:
+    """The described scene and its two compiled models; each is compiled when first asked for."""
+
+    def __init__(self, config: SceneConfig | None = None) -> None:
+        self.config = config or SceneConfig()
+        self.phantom = Phantom(self.config.phantom)
+        self.rig, self.X_BL = _load_rig(self.config.rig)
+        """The rig as it was built, and where it stands: the truth that calibration looks for."""
+        self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
+        self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
+        self.X_FP = tip_pose(self.config.mount_angle)
+
+    @cached_property
+    def physics(self) -> mujoco.MjModel:
+        """The model that is simulated."""
+        return _compile(self._describe(with_skin=False))
+
+    @cached_property
+    def pictures(self) -> mujoco.MjModel:
+        """The model that is drawn: with the skin as flex `skin` and the rig's cameras `left` and `right`."""
+        root = self._describe(with_skin=True)
+        for side, camera, X_BC in (("left", self.rig.left, self.X_BL), ("right", self.rig.right, self.X_BR)):
+            pinhole = canvas(camera, self.config.camera.supersampling)
+            root.worldbody.add("camera", name=side, **mujoco_camera(pinhole, X_BC))
+        return _compile(root)
+
+    def _describe(self, *, with_skin: bool) -> Element:
+        root: Element = mjcf.RootElement(model="breastscan")
+        root.compiler.angle = "radian"
+        root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="implicitfast")
+        root.option.flag.autoreset = "disable"
+        root.statistic.set_attributes(extent=LIT_RADIUS, center=LIT_CENTRE)
+        root.visual.map.set_attributes(znear=0.02, zfar=20)
+        root.visual.quality.shadowsize = SHADOW_MAP_PX
+        root.visual.headlight.set_attributes(ambient=(0.32, 0.32, 0.33), diffuse=(0.08, 0.08, 0.08), specular=(0, 0, 0))
+        add_room(root)
+        add_stand(root, self.X_BL, self.X_BR)
+        add_tool(add_arm(root), self.config.mount_angle, ProbeFace())
+        chest = add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
+        if with_skin:
+            _add_skin(root, chest, self.phantom)
+        return root
+
+
+def _load_rig(path: Path | None) -> tuple[StereoRig, Float[np.ndarray, "4 4"]]:
+    rig = StereoRig.load(path or Path(str(resources.files("assets") / "rig.yaml")))
+    if rig.X_BL is None:
+        raise CalibrationError(f"{path} holds no X_BL: the twin must know where its cameras stand", path)
+    return rig, rig.X_BL
+
+
+def _add_skin(root: Element, chest: Element, phantom: Phantom) -> None:
+    """The skin as a thin, massless, matt surface that touches nothing."""
+    skin = phantom.skin
+    add_material(root, "skin", image=phantom.texture_image())
+    flex = root.deformable.add(
+        "flex", name="skin", dim=2, radius=1e-5, material="skin", body=chest.name,
+        vertex=skin.vertices_S.ravel(), element=skin.triangles.ravel(),
+        texcoord=skin.uv.ravel(), elemtexcoord=skin.triangles.ravel(),
+    )  # fmt: skip
+    flex.contact.set_attributes(contype=0, conaffinity=0, selfcollide="none")
+
+
+def _compile(root: Element) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())

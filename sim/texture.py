@@ -1,0 +1,79 @@
+"""Procedural skin: band-limited, so that a camera never aliases it, and rich enough for stereo matching everywhere.
+
+Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled.
+"""
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+SKIN_TONE = np.array([220.0, 181.0, 163.0])
+AREOLA_TONE = np.array([170.0, 108.0, 98.0])
+FRECKLE_TINT = np.array([-58.0, -66.0, -66.0])
+VEIN_TINT = np.array([-12.0, -4.0, 1.0])
+GRAIN_TINT = np.array([1.1, 1.0, 0.95])
+BLUSH_TINT = np.array([0.4, -0.7, -0.5])
+
+
+def skin(
+    rng: np.random.Generator, size: int, pixel: float, areola_radius: float = 0.0
+) -> UInt8[np.ndarray, "size size 3"]:
+    """Skin with pores, freckles, faint veins and a blotchy blush; an areola in the middle if it has a radius.
+
+    Args:
+        rng: Draws the pattern.
+        size: Side of the image [px].
+        pixel: Side of a pixel on the skin [m].
+        areola_radius: Radius of the areola [m]; 0 for none.
+    """
+
+    def noise(wavelength: float) -> Float[np.ndarray, "size size"]:
+        return band_noise(rng, size, wavelength / pixel)
+
+    areola = _disc(size, areola_radius / pixel, 0.05 * noise(8e-3)) if areola_radius else np.zeros((size, size))
+    image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
+    image += 2 * noise(30e-3)[..., None] * BLUSH_TINT
+    veins = _ridge(noise(36e-3), 0.16) * _patches(noise(40e-3)) * (1 - areola)
+    image += veins[..., None] * VEIN_TINT
+    grain = 10 * noise(2.2e-3) + 10 * noise(4e-3) + 4 * noise(8e-3)
+    image += grain[..., None] * GRAIN_TINT
+    image += (_spots(noise(3.2e-3), 1.3) * _patches(noise(25e-3)))[..., None] * FRECKLE_TINT
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def speckle(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarray, "size size 3"]:
+    """Dark dots of about 2 mm sprayed on a light ground, as for digital image correlation; `pixel` in m."""
+    dots = _spots(band_noise(rng, size, 4e-3 / pixel), 0.2)
+    grey = 225 - 180 * dots + 6 * band_noise(rng, size, 2.2e-3 / pixel)
+    return np.repeat(np.clip(np.rint(grey), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def band_noise(rng: np.random.Generator, size: int, wavelength_px: float) -> Float[np.ndarray, "size size"]:
+    """Periodic noise of zero mean and unit variance in a narrow band (a quarter, relative) around `wavelength_px`."""
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
+    gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / 0.25) ** 2)
+    gain[0, 0] = 0.0
+    white = np.fft.rfft2(rng.standard_normal((size, size)))
+    noise = np.fft.irfft2(white * gain, s=(size, size))
+    return noise / noise.std()
+
+
+def _spots(noise: np.ndarray, threshold: float) -> np.ndarray:
+    """0 to 1: soft-edged blobs where the noise is above the threshold."""
+    return 1 / (1 + np.exp(-4 * (noise - threshold)))
+
+
+def _patches(noise: np.ndarray) -> np.ndarray:
+    """.2 to 1: freckles and veins show in patches."""
+    return 0.6 + 0.4 * np.tanh(2 * noise)
+
+
+def _ridge(noise: np.ndarray, width: float) -> np.ndarray:
+    """0 to 1: soft lines along the zeros of the noise."""
+    return np.exp(-0.5 * (noise / width) ** 2)
+
+
+def _disc(size: int, radius_px: float, edge: np.ndarray) -> np.ndarray:
+    """1 inside a disc in the middle, 0 outside, with a soft edge displaced by `edge` (in radii)."""
+    axis = np.arange(size) + 0.5 - size / 2
+    distance = np.hypot(axis[:, None], axis[None, :]) / radius_px + edge
+    return 1 / (1 + np.exp((distance - 1) / 0.06))

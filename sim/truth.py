@@ -1,0 +1,172 @@
+"""What the simulation knows exactly: the undeformed skin, and which of its points now lies where."""
+
+from typing import no_type_check
+
+import numba
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+
+from breastscan.geometry import se3
+from sim.hemisphere import sphere_axes
+from sim.phantom import Phantom
+from sim.tissue import SoftTissue
+
+LOOP_POINTS = 4000
+"""Points of the true half-height loop: .1 mm apart."""
+CLOSEST_STEPS = 100
+CLOSEST_TOLERANCE = 1e-10
+"""Step that ends the search for the closest point [m]."""
+SHARPEST_RADIUS = 0.015
+"""Smallest radius of curvature of the skin, on the nipple [m]: it keeps the search from overshooting far outside."""
+RAY_STEP = 0.003
+"""Spacing at which a ray looks for the skin [m]: it may miss what is within .02 mm of the silhouette."""
+BISECTIONS = 30
+OCCLUSION = 1e-3
+"""A point this much farther than the first skin on its ray is hidden [m]."""
+
+
+class Truth:
+    """Ground truth of one phantom and its tissue; all points in S."""
+
+    def __init__(self, phantom: Phantom, tissue: SoftTissue) -> None:
+        self._phantom = phantom
+        self._tissue = tissue
+        skin = phantom.skin
+        self._skin_direction = phantom.unembed(skin.vertices_S)
+        self._faces_around = trimesh.Trimesh(skin.vertices_S, skin.triangles, process=False).vertex_faces
+
+    def distance(self, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Signed distance to the undeformed skin [m], positive outside."""
+        points_S, normals_S = self.closest(p_S)
+        away_S = p_S - points_S
+        side = np.where(np.einsum("nc,nc->n", away_S, normals_S) < 0, -1.0, 1.0)
+        return side * np.linalg.norm(away_S, axis=1)
+
+    def closest(self, p_S: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Closest points of the smooth undeformed skin [m], and its outward unit normals there."""
+        direction = self._skin_direction[_nearest(self._phantom.skin.vertices_S, p_S)]
+        for _ in range(CLOSEST_STEPS):
+            direction, step = self._towards(p_S, direction)
+            if step < CLOSEST_TOLERANCE:
+                break
+        return self._phantom.embed(direction), self._phantom.normal(direction)
+
+    def material_point(self, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Where on the undeformed skin that point lies which is now, deformed, the closest one to `p_S` [m]."""
+        deformed_S = self._tissue.deformed_skin()
+        skin = self._phantom.skin
+        around = self._faces_around[_nearest(deformed_S, p_S)]
+        triangles = skin.triangles[around]
+        corners_S = deformed_S[triangles].reshape(-1, 3, 3)
+        closest_S = trimesh.triangles.closest_point(corners_S, np.repeat(p_S, around.shape[1], axis=0))
+        distances = np.linalg.norm(closest_S.reshape(*around.shape, 3) - p_S[:, None], axis=2)
+        best = np.where(around >= 0, distances, np.inf).argmin(axis=1)
+        chosen = np.arange(len(p_S)) * around.shape[1] + best
+        weights = trimesh.triangles.points_to_barycentric(corners_S[chosen], closest_S[chosen])
+        undeformed_S = skin.vertices_S[triangles.reshape(-1, 3)[chosen]]
+        return np.einsum("nk,nkc->nc", weights, undeformed_S)
+
+    def half_height_loop(self) -> Float[np.ndarray, "n 3"]:
+        """Dense contour of the undeformed skin at half its height [m]; it closes without repeating its first point."""
+        return self._phantom.level_loop(self._phantom.config.height / 2, LOOP_POINTS)
+
+    def cast(self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """First point of the undeformed skin on each ray from an origin outside the breast [m], NaN where it misses."""
+        unit_S = direction_S / np.linalg.norm(direction_S, axis=1, keepdims=True)
+        inside = self._first_inside(origin_S, unit_S, *self._span(origin_S, unit_S))
+        hit = np.isfinite(inside)
+        points_S = np.full(direction_S.shape, np.nan)
+        points_S[hit] = self._bisected(origin_S, unit_S[hit], inside[hit])
+        return points_S
+
+    def skin_depth(self, X_SC: Float[np.ndarray, "4 4"], rays_C: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Depth along a camera's z [m] of the undeformed skin that each of its rays sees, NaN where none."""
+        points_S = self.cast(X_SC[:3, 3], se3.rotate(X_SC, rays_C))
+        return se3.transform(se3.inverse(X_SC), points_S)[:, 2]
+
+    def visible(self, p_S: Float[np.ndarray, "n 3"], centre_S: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "n"]:
+        """Whether points of the undeformed skin are seen from `centre_S`, not hidden by the breast itself."""
+        first_S = self.cast(centre_S, p_S - centre_S)
+        hidden_by = np.linalg.norm(p_S - centre_S, axis=1) - np.linalg.norm(first_S - centre_S, axis=1)
+        return ~(hidden_by > OCCLUSION)
+
+    def _towards(
+        self, p_S: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 3"], float]:
+        """One Gauss-Newton step to the closest point, shortened outside as curvature asks; its longest length [m]."""
+        away_S = p_S - self._phantom.embed(direction)
+        along_S, across_S = self._phantom.tangents(direction)
+        jacobian = np.stack([along_S, across_S], axis=2)
+        height = np.einsum("nc,nc->n", away_S, self._phantom.normal(direction))
+        shortening = 1 / (1 + np.maximum(height, 0) / SHARPEST_RADIUS)
+        gradient = np.einsum("nck,nc->nk", jacobian, away_S) * shortening[:, None]
+        steps = np.linalg.solve(np.einsum("nck,ncl->nkl", jacobian, jacobian), gradient[:, :, None])
+        u, v = sphere_axes(direction)
+        moved = direction + steps[:, 0] * u + steps[:, 1] * v
+        moved[:, 2] = np.maximum(moved[:, 2], 0.0)
+        moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+        return moved, self._phantom.config.radius * float(np.abs(moved - direction).max(initial=0.0))
+
+    def _bisected(
+        self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"], inside: Float[np.ndarray, "n"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """The skin within the last step of each ray, which is inside the breast at the length `inside` [m]."""
+        outside = inside - RAY_STEP
+        for _ in range(BISECTIONS):
+            middle = (inside + outside) / 2
+            is_inside = self._phantom.level(origin_S + middle[:, None] * unit_S) < 0
+            inside, outside = np.where(is_inside, middle, inside), np.where(is_inside, outside, middle)
+        return origin_S + inside[:, None] * unit_S
+
+    def _span(
+        self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Where each ray enters and leaves a ball around the breast, above the plate [m]; nowhere if far < near."""
+        middle_S = np.array([0.0, 0.0, self._phantom.config.height / 2])
+        radius = np.linalg.norm(self._phantom.skin.vertices_S - middle_S, axis=1).max()
+        to_middle = unit_S @ (middle_S - origin_S)
+        discriminant = radius**2 - np.sum((middle_S - origin_S) ** 2) + to_middle**2
+        half = np.sqrt(np.maximum(discriminant, 0.0))
+        with np.errstate(divide="ignore"):
+            to_plate = np.where(unit_S[:, 2] < 0, -origin_S[2] / unit_S[:, 2], np.inf)
+        near = np.maximum(to_middle - half, 0.0)
+        return near, np.where(discriminant > 0, np.minimum(to_middle + half, to_plate), -np.inf)
+
+    def _first_inside(
+        self,
+        origin_S: Float[np.ndarray, "3"],
+        unit_S: Float[np.ndarray, "n 3"],
+        near: Float[np.ndarray, "n"],
+        far: Float[np.ndarray, "n"],
+    ) -> Float[np.ndarray, "n"]:
+        """First distance along each ray at which it is inside the breast, in steps of `RAY_STEP` [m]; NaN if never."""
+        inside = np.full(len(near), np.nan)
+        searching = np.nonzero(far > near)[0]
+        along = near[searching]
+        while len(searching) > 0:
+            p_S = origin_S + along[:, None] * unit_S[searching]
+            found = self._phantom.level(p_S) < 0
+            inside[searching[found]] = along[found]
+            going_on = ~found & (along < far[searching])
+            searching = searching[going_on]
+            along = np.minimum(along[going_on] + RAY_STEP, far[searching])
+        return inside
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _nearest(vertices, points):
+    """Index of the vertex nearest to each point."""
+    nearest = np.zeros(len(points), np.int64)
+    for i in range(len(points)):
+        best = np.inf
+        for j in range(len(vertices)):
+            dx = vertices[j, 0] - points[i, 0]
+            dy = vertices[j, 1] - points[i, 1]
+            dz = vertices[j, 2] - points[i, 2]
+            squared = dx * dx + dy * dy + dz * dz
+            if squared < best:
+                best = squared
+                nearest[i] = j
+    return nearest

@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+
+from breastscan.errors import RobotError
+from breastscan.geometry import kinematics, se3
+from sim.robot import SimRobot
+from sim.scene import HOME_Q, PERIOD
+from sim.ur5e import SPEED_LIMIT
+from tests.closed_form_tissue import SpringTissue, UndefinedTissue
+
+STIFFNESS = 800.0
+"""Stiffness of the test's spring [N/m]."""
+
+
+def straight_down(scene, q, depth, speed):
+    """Joint targets that lower the tip by `depth` [m] along z of B at `speed` [m/s]."""
+    X_BP = kinematics.forward(q) @ scene.X_FP
+    targets = []
+    for way in np.arange(0, depth, speed * PERIOD):
+        X = X_BP.copy()
+        X[2, 3] -= way
+        q = nearest(kinematics.inverse(X @ se3.inverse(scene.X_FP)), q)
+        targets.append(q)
+    return targets
+
+
+def nearest(solutions, q):
+    unwound = q + (solutions - q + np.pi) % (2 * np.pi) - np.pi
+    return unwound[np.abs(unwound - q).max(axis=1).argmin()]
+
+
+def test_rests_at_home_with_no_wrench(quiet_scene):
+    state = SimRobot(quiet_scene).state()
+    np.testing.assert_allclose(state.q, HOME_Q, atol=1e-9)
+    np.testing.assert_allclose(state.wrench_P, 0, atol=1e-6)
+
+
+def test_follows_a_25_mm_per_s_circle_within_a_third_of_a_millimetre(quiet_scene):
+    robot = SimRobot(quiet_scene)
+    X_BP = kinematics.forward(HOME_Q) @ quiet_scene.X_FP
+    radius, speed, q = 0.06, 0.025, HOME_Q
+    planned_B = []
+    for k in range(int(3.0 / PERIOD)):
+        time = k * PERIOD
+        angle = speed / radius * (time - 1 + np.exp(-time))
+        X = X_BP.copy()
+        X[:3, 3] += radius * np.array([np.cos(angle) - 1, np.sin(angle), 0])
+        q = nearest(kinematics.inverse(X @ se3.inverse(quiet_scene.X_FP)), q)
+        planned_B.append(X[:3, 3])
+        robot.servo_joint(q)
+    tips_B = se3.transform(quiet_scene.X_BS, robot.truth_log().X_SP[2:, :3, 3])
+    errors = np.linalg.norm(tips_B - np.array(planned_B[:-1]), axis=1)
+    assert errors.max() < 0.3e-3
+
+
+def test_a_pressing_probe_feels_the_tissue_as_a_negative_force_along_its_axis(quiet_scene):
+    """Statics: the wrist reads what the spring gives, whatever posture the arm is in."""
+    tip_S = quiet_scene.X_BS[:3, 3] - (kinematics.forward(HOME_Q) @ quiet_scene.X_FP)[:3, 3]
+    tissue = SpringTissue(height=-tip_S[2] - 0.005, stiffness=STIFFNESS)
+    robot = SimRobot(quiet_scene, tissue)
+    robot.tare()
+    np.testing.assert_allclose(robot.state().wrench_P, 0, atol=1e-4)
+    targets = straight_down(quiet_scene, HOME_Q, depth=0.010, speed=0.02)
+    for q in targets + [targets[-1]] * 300:
+        robot.servo_joint(q)
+    truth, state = robot.truth_log(), robot.state()
+    X_SP = truth.X_SP[-1]
+    assert truth.depth[-1] == pytest.approx(0.005, abs=0.3e-3)
+    np.testing.assert_allclose(truth.force_S[-1], [0, 0, STIFFNESS * truth.depth[-1]])
+    assert truth.force_axial[-1] == pytest.approx(-truth.force_S[-1] @ X_SP[:3, 2])
+    np.testing.assert_allclose(state.wrench_P[:3], X_SP[:3, :3].T @ truth.force_S[-1], atol=0.01)
+    np.testing.assert_allclose(state.wrench_P[3:], 0, atol=0.002)
+    assert state.wrench_P[2] < 0
+
+
+def test_sample_and_truth_belong_to_the_same_instant(quiet_scene):
+    robot = SimRobot(quiet_scene)
+    robot.move_joint(HOME_Q + 0.05, 0.5, 2.0)
+    state, truth = robot.state(), robot.truth_log()
+    assert state.time == truth.time[-1]
+    np.testing.assert_array_equal(state.q, truth.q[-1])
+    X_BP = quiet_scene.X_BS @ truth.X_SP[-1]
+    np.testing.assert_allclose(X_BP, kinematics.forward(state.q) @ quiet_scene.X_FP, atol=1e-9)
+
+
+def test_move_joint_arrives_and_keeps_its_limits(quiet_scene):
+    robot = SimRobot(quiet_scene)
+    goal = HOME_Q + np.array([0.4, -0.2, 0.1, 0.3, -0.4, 0.5])
+    robot.move_joint(goal, 0.8, 1.5)
+    truth = robot.truth_log()
+    speed = np.abs(np.diff(truth.q, axis=0)).max() / PERIOD
+    assert np.abs(robot.state().q - goal).max() < 2e-4
+    assert speed == pytest.approx(0.8, rel=0.1)
+    assert truth.time[-1] == pytest.approx(0.5 / 0.8 + 0.8 / 1.5, abs=0.1)
+
+
+def test_stop_brakes_gently_and_stays(quiet_scene):
+    robot = SimRobot(quiet_scene)
+    for k in range(100):
+        robot.servo_joint(HOME_Q + 0.5 * k * PERIOD)
+    robot.stop()
+    for _ in range(100):
+        robot.servo_joint(robot.state().q)
+    late = robot.truth_log().q[-50:]
+    assert np.ptp(late, axis=0).max() < 5e-4
+    assert np.abs(robot.state().qd).max() < 2e-3
+    way = (robot.state().q - HOME_Q - 0.5 * 99 * PERIOD).max()
+    assert 0 < way < 0.05
+
+
+def test_two_runs_agree_to_the_last_bit(quiet_scene):
+    runs = []
+    for _ in range(2):
+        robot = SimRobot(quiet_scene, SpringTissue(height=0.3, stiffness=STIFFNESS))
+        robot.move_joint(HOME_Q - 0.1, 0.5, 1.0)
+        runs.append((robot.state(), robot.truth_log()))
+    np.testing.assert_array_equal(runs[0][0].wrench_P, runs[1][0].wrench_P)
+    np.testing.assert_array_equal(runs[0][1].X_SP, runs[1][1].X_SP)
+
+
+@pytest.mark.parametrize(("offset", "why"), [(np.nan, "finite"), (np.inf, "finite"), (10.0, "within"), (0.5, "jumps")])
+def test_targets_that_no_arm_can_follow_are_refused(quiet_scene, offset, why):
+    robot = SimRobot(quiet_scene)
+    with pytest.raises(RobotError, match=why):
+        robot.servo_joint(HOME_Q + offset)
+    robot.servo_joint(HOME_Q)
+
+
+@pytest.mark.parametrize(("speed", "acceleration"), [(0.0, 1.0), (-1.0, 1.0), (2 * SPEED_LIMIT, 1.0), (1.0, 0.0)])
+def test_motions_that_no_arm_can_make_are_refused(quiet_scene, speed, acceleration):
+    with pytest.raises(RobotError, match="move_joint"):
+        SimRobot(quiet_scene).move_joint(HOME_Q, float(speed), acceleration)
+
+
+def test_a_diverging_simulation_is_reported_with_its_time(quiet_scene):
+    with pytest.raises(RobotError, match=r"diverged at 0\.000 s"):
+        SimRobot(quiet_scene, UndefinedTissue())

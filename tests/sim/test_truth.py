@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from sim.compliance import compute_compliance
+from sim.phantom import Phantom, PhantomConfig
+from sim.tissue import SoftTissue
+from sim.truth import Truth
+from tests.sim.press_poses import REST, loop_pose
+
+
+@pytest.fixture(scope="module")
+def phantom() -> Phantom:
+    return Phantom(PhantomConfig())
+
+
+@pytest.fixture(scope="module")
+def tissue(phantom) -> SoftTissue:
+    return SoftTissue(phantom, compute_compliance(phantom, 150))
+
+
+@pytest.fixture
+def truth(phantom, tissue) -> Truth:
+    tissue.reset()
+    return Truth(phantom, tissue)
+
+
+@pytest.fixture(scope="module")
+def spots(phantom) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the smooth skin away from the mesh's vertices, and the normals there."""
+    direction = np.random.default_rng(0).standard_normal((500, 3))
+    direction[:, 2] = np.abs(direction[:, 2]) + 0.1
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return phantom.embed(direction), phantom.normal(direction)
+
+
+@pytest.mark.parametrize("offset", [-0.008, -0.001, 0.0, 0.001, 0.03])
+def test_distance_of_a_point_raised_off_the_skin_is_how_far_it_was_raised(truth, spots, offset):
+    clear_of_the_nipple = spots[0][:, 2] < 0.045  # around it the skin is hollow, and another point may be closer
+    points_S, normals_S = spots[0][clear_of_the_nipple], spots[1][clear_of_the_nipple]
+    np.testing.assert_allclose(truth.distance(points_S + offset * normals_S), offset, atol=1e-8)
+
+
+def test_closest_point_and_normal_are_those_the_point_was_raised_from(truth, spots):
+    points_S, normals_S = spots
+    closest_S, closest_normals_S = truth.closest(points_S + 0.005 * normals_S)
+    np.testing.assert_allclose(closest_S, points_S, atol=1e-7)
+    np.testing.assert_allclose(closest_normals_S, normals_S, atol=1e-5)
+
+
+def test_closest_point_of_a_point_below_the_rim_lies_on_the_rim(truth):
+    closest_S, _ = truth.closest(np.array([[0.2, 0.0, -0.01]]))
+    assert closest_S[0, 2] == 0.0
+
+
+def test_cast_rays_stop_at_the_first_skin_they_meet(truth, phantom):
+    origin_S = np.array([0.15, -0.1, 0.4])
+    aims_S = np.random.default_rng(1).uniform([-0.1, -0.1, 0], [0.1, 0.1, 0.05], (300, 3))
+    hits_S = truth.cast(origin_S, aims_S - origin_S)
+    hit = np.isfinite(hits_S[:, 0])
+    assert 0.3 < hit.mean() < 0.9
+    assert np.abs(truth.distance(hits_S[hit])).max() < 1e-8
+    share = np.linspace(0, 0.999, 400)[:, None, None]
+    on_the_way_S = origin_S + share * (hits_S[hit] - origin_S)
+    assert phantom.level(on_the_way_S).min() > 0
+    beyond_S = origin_S + np.linspace(0.5, 1.6, 800)[:, None, None] * (aims_S[~hit] - origin_S)
+    inside = (phantom.level(beyond_S) < -1e-3) & (beyond_S[..., 2] > 0)
+    assert not inside.any()
+
+
+def test_skin_depth_is_the_hit_along_the_cameras_axis(truth):
+    X_SC = np.eye(4)
+    X_SC[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    X_SC[:3, 3] = [0.02, 0.01, 0.5]
+    depth = truth.skin_depth(X_SC, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]))
+    point_S = np.array([[0.02, 0.01, 0.5 - depth[0]]])
+    assert abs(truth.distance(point_S)[0]) < 1e-8
+    assert np.isnan(depth[1])
+
+
+def test_visible_points_are_those_that_face_a_viewpoint_low_beside_the_dome(truth, spots):
+    points_S, normals_S = spots
+    centre_S = np.array([0.3, 0.0, 0.03])
+    facing = np.einsum("nc,nc->n", normals_S, centre_S - points_S) / np.linalg.norm(centre_S - points_S, axis=1)
+    seen = truth.visible(points_S, centre_S)
+    clear_of_the_nipple = points_S[:, 2] < 0.045
+    assert seen[(facing > 0.2) & clear_of_the_nipple].all()
+    assert not seen[facing < -0.2].any()
+    assert truth.visible(points_S, np.array([0.0, 0.0, 0.6])).mean() > 0.95
+
+
+def test_material_points_of_the_deformed_skin_are_where_they_came_from(truth, phantom, tissue):
+    tissue.press(loop_pose(phantom, 1.0, 0.006), REST)
+    skin = phantom.skin
+    corners = skin.triangles[::40]
+    weights = np.array([0.2, 0.3, 0.5])
+    now_S = np.einsum("k,nkc->nc", weights, tissue.deformed_skin()[corners])
+    before_S = np.einsum("k,nkc->nc", weights, skin.vertices_S[corners])
+    assert np.linalg.norm(now_S - before_S, axis=1).max() > 4e-3
+    np.testing.assert_allclose(truth.material_point(now_S), before_S, atol=1e-5)
+
+
+def test_the_half_height_loop_lies_on_the_skin_at_half_its_height(truth, phantom):
+    loop_S = truth.half_height_loop()
+    np.testing.assert_allclose(loop_S[:, 2], phantom.config.height / 2, atol=1e-9)
+    assert np.abs(truth.distance(loop_S[::40])).max() < 1e-9
+    assert np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1).max() < 2e-4
