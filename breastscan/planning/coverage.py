@@ -1,0 +1,158 @@
+"""Scan paths that cover the whole breast: nested loops, a spiral, radial strokes, parallel strokes (raster).
+
+Every path is a sequence of rays from the middle of the breast's foot: the skin meets each of them once, near the top as
+well as low on the side, where neither heights nor places on the plate would say where on the skin one is.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import KDTree
+
+from breastscan.errors import PlanningError
+from breastscan.planning import pattern
+from breastscan.planning.patch import Surface
+from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
+
+SEED_POINTS = 6
+"""Points of the cloud, nearest in direction, whose mean starts the search for the skin on a ray."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dome:
+    """A breast's skin, seen from the middle of its foot."""
+
+    surface: Surface
+    centre_B: Float[np.ndarray, "3"]
+    """Middle of the breast on the chest plate, in B [m]."""
+    axes: Float[np.ndarray, "3 3"]
+    """Rows in basis B: along the plate towards the robot, across, the plate's normal."""
+
+    @staticmethod
+    def around(
+        points_B: Float[np.ndarray, "n 3"],
+        normals_B: Float[np.ndarray, "n 3"],
+        plate: ChestPlate,
+        config: PatternConfig,
+    ) -> "Dome":
+        """The dome over the middle of the loop that `pattern.half_height_loop` finds.
+
+        Raises:
+            PlanningError: That loop does not close.
+        """
+        loop = pattern.half_height_loop(points_B, normals_B, plate, config)
+        middle_B = loop.points_B.mean(axis=0)
+        return Dome(
+            surface=Surface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius),
+            centre_B=middle_B - plate.normal_B * plate.heights(middle_B[None])[0],
+            axes=pattern.plate_axes(plate, middle_B),
+        )
+
+    @cached_property
+    def _directions(self) -> KDTree:
+        from_centre_B = self.surface.points_B - self.centre_B
+        return KDTree(from_centre_B / np.linalg.norm(from_centre_B, axis=1, keepdims=True))
+
+    def path(self, rays: Float[np.ndarray, "n 3"], closed: bool) -> Path:
+        """Where the skin meets rays from the centre, given in the basis of `axes`.
+
+        Raises:
+            PlanningError: The skin has a hole there, or was not seen so low.
+        """
+        skin = [self._on_ray(ray_B) for ray_B in rays @ self.axes]
+        points_B, normals_B = (np.stack(column) for column in zip(*skin, strict=True))
+        return Path(points_B=points_B, normals_B=normals_B, closed=closed)
+
+    def _on_ray(self, ray_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ray_B = ray_B / np.linalg.norm(ray_B)
+        seeds = self._directions.query(ray_B, SEED_POINTS)[1]
+        distance = float(np.mean((self.surface.points_B[seeds] - self.centre_B) @ ray_B))
+        n_B = self.surface.normals_B[seeds].mean(axis=0)
+        planes_B = _across(ray_B)
+        return self.surface.meet(
+            self.centre_B + distance * ray_B, n_B / np.linalg.norm(n_B), planes_B, planes_B @ self.centre_B
+        )
+
+
+def loops(dome: Dome, polar_angles: Float[np.ndarray, "k"], points: int) -> list[Path]:
+    """Nested closed loops, `points` each, at angles from the breast's axis [rad]."""
+    _check_polar(polar_angles)
+    azimuths = 2.0 * np.pi * np.arange(points) / points
+    return [dome.path(_rays(np.full(points, polar), azimuths), closed=True) for polar in polar_angles]
+
+
+def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing: float) -> Path:
+    """A spiral from `innermost` to `outermost` angle from the breast's axis [rad].
+
+    Args:
+        dome: The breast.
+        innermost: Where it starts [rad].
+        outermost: Where it ends [rad].
+        turns: Number of turns.
+        spacing: Angle between neighbouring points, seen from the centre [rad].
+    """
+    _check_polar(np.array([innermost, outermost]))
+    share = np.linspace(0.0, 1.0, 2000)
+    polar, azimuth = innermost + (outermost - innermost) * share, 2.0 * np.pi * turns * share
+    steps = np.hypot(np.diff(polar), np.sin(polar[1:]) * np.diff(azimuth))
+    way = np.append(0.0, np.cumsum(steps))
+    even = np.interp(np.linspace(0.0, way[-1], math.ceil(way[-1] / spacing) + 1), way, share)
+    return dome.path(_rays(innermost + (outermost - innermost) * even, 2.0 * np.pi * turns * even), closed=False)
+
+
+def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
+    """Strokes over the top from side to side, evenly turned about the breast's axis.
+
+    Args:
+        dome: The breast.
+        outermost: Angle from the axis at which they start and end [rad].
+        strokes: Number of strokes.
+        points: Points of each.
+    """
+    _check_polar(np.array([outermost]))
+    polar = np.linspace(outermost, -outermost, points)
+    return [
+        dome.path(_rays(polar, np.full(points, np.pi * stroke / strokes)), closed=False) for stroke in range(strokes)
+    ]
+
+
+def raster(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
+    """Strokes side by side, to and fro by turns, fanned about an axis through the centre.
+
+    Args:
+        dome: The breast.
+        outermost: Angle from the breast's axis that no stroke passes [rad].
+        strokes: Number of strokes.
+        points: Points of each.
+    """
+    _check_polar(np.array([outermost]))
+    tilts = outermost * (2.0 * np.arange(strokes) + 1.0 - strokes) / strokes
+    paths = []
+    for stroke, tilt in enumerate(tilts):
+        reach = math.acos(math.cos(outermost) / math.cos(tilt))
+        along = np.linspace(-reach, reach, points) * (-1) ** stroke
+        rays = np.stack([np.sin(tilt) * np.cos(along), np.sin(along), np.cos(tilt) * np.cos(along)], axis=1)
+        paths.append(dome.path(rays, closed=False))
+    return paths
+
+
+def _rays(polar: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+
+
+def _across(ray_B: np.ndarray) -> np.ndarray:
+    """Two unit vectors across a ray and each other."""
+    first = np.cross(np.eye(3)[np.argmin(np.abs(ray_B))], ray_B)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(ray_B, first)])
+
+
+def _check_polar(polar_angles: np.ndarray) -> None:
+    if not ((polar_angles > 0.0) & (polar_angles < np.pi / 2)).all():
+        raise PlanningError(
+            f"angles from the breast's axis must lie between 0 and pi / 2 (the chest plate), got {polar_angles}",
+            polar_angles,
+        )

@@ -1,0 +1,198 @@
+"""What the arm keeps to: joint angles and their rates, distance from singularities, table, surroundings and itself."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from breastscan.errors import ConfigError, PlanningError
+from breastscan.geometry import kinematics
+
+OBSTACLES = ("out of reach", "beyond the elbow's limit", "too near a singularity", "below the floor")
+"""What can stand against a configuration, in the order of `obstacles`."""
+
+RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
+"""What is limited for each joint, and its unit: the angle and its derivatives."""
+CURES = ("start elsewhere on the loop, or run it the other way round", *3 * ("lower the feedrate",))
+"""What helps against passing each of them."""
+CLEARANCE_EVERY = 50
+"""Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and 500 Hz."""
+SMOOTHING_SHARE = 0.8
+"""Share of the collision margin that must be left where the smoothed spin leaves the measured poses."""
+
+
+@runtime_checkable
+class Clearances(Protocol):
+    """Measures how far the arm and its tool are from themselves and from what stands around."""
+
+    def __call__(self, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
+        """The least gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitUse:
+    """The sample of a trajectory that comes closest to a limit."""
+
+    limit: str
+    """What is limited, in the words of `RATES`."""
+    unit: str
+    joint: int
+    """Which joint, 1 to 6."""
+    sample: int
+    """Where along the trajectory."""
+    value: float
+    """What the joint has there, in `unit`."""
+    bound: float
+    """What it may have either way, in `unit`."""
+
+    @property
+    def share(self) -> float:
+        """Share of the limit that is used; above 1 it is broken."""
+        return abs(self.value) / self.bound
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointPathConfig:
+    """Limits and freedoms of the joint path; the defaults are the UR5e's (Universal Robots, `joint_limits.yaml`)."""
+
+    position_limit: float = 2 * math.pi
+    """Joint angle either way [rad]."""
+    elbow_limit: float = math.pi
+    """Joint 3, either way [rad]."""
+    speed_limit: float = math.pi
+    """Joint speed [rad/s]."""
+    acceleration_limit: float = 10.0
+    """Joint acceleration [rad/s^2]."""
+    jerk_limit: float = 100.0
+    """Joint jerk [rad/s^3]: full acceleration is reached in a tenth of a second. Universal Robots states none."""
+    position_margin: float = math.radians(5.0)
+    """Kept from the position limits [rad]."""
+    singularity_margin: float = 0.1
+    """Least `kinematics.singularity_measure`."""
+    floor: float = 0.05
+    """Least height of elbow, wrist and flange over the base [m]: half a link above the table."""
+    collision_margin: float = 0.01
+    """Least distance of the arm and its tool from themselves and from what stands around [m], where it is measured."""
+    spin_tolerance: float = math.pi / 2
+    """How far the array may turn away from lying across the path [rad]: 0 keeps it there, pi / 2 and more sets the spin
+    free. Free is the default, because the joints move least; a probe mounted at 45 degrees stays across the path even
+    so."""
+    clearance: float = 0.05
+    """Distance from the skin, along the normal, of the poses before and after the path [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("position_limit", "elbow_limit", "speed_limit", "acceleration_limit", "jerk_limit", "clearance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ConfigError(f"joints.{name} must be a positive number, not {value}", value)
+        self._check_range("position_margin", 0.0, 0.99 * min(self.position_limit, self.elbow_limit))
+        self._check_range("singularity_margin", 0.0, 0.99)
+        self._check_range("spin_tolerance", 0.0, math.pi)
+        self._check_range("collision_margin", 0.0, 0.5)
+        self._check_range("floor", -2.0, 2.0)
+
+    def _check_range(self, name: str, least: float, most: float) -> None:
+        value = getattr(self, name)
+        if not least <= value <= most:
+            raise ConfigError(f"joints.{name} must lie between {least:.4g} and {most:.4g}, not {value}", value)
+
+    @property
+    def reachable_angles(self) -> Float[np.ndarray, "6"]:
+        """Largest angle of each joint, margin kept [rad]."""
+        limits = np.full(6, self.position_limit)
+        limits[2] = self.elbow_limit
+        return limits - self.position_margin
+
+
+def obstacles(q: Float[np.ndarray, "*b 6"], config: JointPathConfig) -> Bool[np.ndarray, "4 *b"]:
+    """Which of `OBSTACLES` stands against each configuration [rad]; NaN counts as out of reach.
+
+    Only the elbow's position is looked at: the other joints have whole turns to choose from.
+    """
+    heights = kinematics.link_heights(q)[..., 2:]  # from the elbow to the flange
+    return np.stack(
+        [
+            np.isnan(q[..., 0]),
+            np.abs(q[..., 2]) > config.reachable_angles[2],
+            kinematics.singularity_measure(q) < config.singularity_margin,
+            heights.min(axis=-1) < config.floor,
+        ]
+    )
+
+
+def elbow_down(q: Float[np.ndarray, "*b 6"]) -> Bool[np.ndarray, "*b"]:
+    """Whether the elbow hangs below the line from shoulder to wrist."""
+    heights = kinematics.link_heights(q)[..., 1:4]
+    return np.asarray(heights[..., 1] < (heights[..., 0] + heights[..., 2]) / 2.0)
+
+
+def limit_uses(q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig) -> list[LimitUse]:
+    """How much of each limit a joint trajectory [rad], one sample a period [s], takes, and where it takes most."""
+    rates = [q, *(np.diff(q, order, axis=0) / period**order for order in (1, 2, 3))]
+    bounds = [
+        config.reachable_angles,
+        np.full(6, config.speed_limit),
+        np.full(6, config.acceleration_limit),
+        np.full(6, config.jerk_limit),
+    ]
+    return [_use(name, unit, *both) for (name, unit), both in zip(RATES, zip(rates, bounds, strict=True), strict=True)]
+
+
+def dilation(uses: list[LimitUse]) -> float:
+    """Factor by which the trajectory must take longer to keep the limits of speed, acceleration and jerk; 1 at least.
+
+    Taking k times as long divides speeds by k, accelerations by k^2 and jerks by k^3.
+    """
+    _, *rates = uses
+    return max(1.0, *(use.share ** (1.0 / order) for order, use in enumerate(rates, start=1)))
+
+
+def check_trajectory(
+    q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig, clearances: Clearances | None = None
+) -> None:
+    """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit.
+
+    Raises:
+        PlanningError: It does not; the joint, the sample and the cure are named.
+    """
+    for use, cure in zip(limit_uses(q, period, config), CURES, strict=True):
+        if use.share > 1.0:
+            raise PlanningError(
+                f"joint {use.joint} would pass its limit of {use.bound:.2f} {use.unit} with {use.value:.2f} "
+                f"{use.unit} at sample {use.sample} of {len(q)}: {cure}",
+                use.value,
+            )
+    against = obstacles(q, config)
+    if against.any():
+        kind, sample = (int(index) for index in np.argwhere(against)[0])
+        raise PlanningError(f"sample {sample} of {len(q)} comes {OBSTACLES[kind]}: move the phantom a little", sample)
+    if clearances is not None:
+        _check_clearances(q, config.collision_margin, clearances)
+
+
+def _use(limit: str, unit: str, values: np.ndarray, bounds: np.ndarray) -> LimitUse:
+    sample, joint = (int(index) for index in np.unravel_index(np.argmax(np.abs(values) / bounds), values.shape))
+    return LimitUse(
+        limit=limit,
+        unit=unit,
+        joint=joint + 1,
+        sample=sample,
+        value=float(values[sample, joint]),
+        bound=float(bounds[joint]),
+    )
+
+
+def _check_clearances(q: np.ndarray, margin: float, clearances: Clearances) -> None:
+    """Some of the samples, close together: between them the arm moves by millimetres."""
+    samples = np.unique(np.append(np.arange(0, len(q), CLEARANCE_EVERY), len(q) - 1))
+    gaps = clearances(q[samples])
+    worst = int(np.argmin(gaps))
+    if not gaps[worst] >= margin * SMOOTHING_SHARE:
+        raise PlanningError(
+            f"at sample {samples[worst]} of {len(q)} the arm is {gaps[worst] * 1e3:.1f} mm from itself or its "
+            f"surroundings, closer than {margin * SMOOTHING_SHARE * 1e3:.1f} mm: move the phantom a little",
+            float(gaps[worst]),
+        )

@@ -1,0 +1,244 @@
+"""Which spin the probe has along its path, and on which branch the arm follows: the least joint motion over all of it.
+
+The probe may turn about its own axis, and the arm reaches a pose on up to eight branches. The choice is made on poses
+some millimetres apart (`planning.spin_graph`); its spins are then smoothed.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from breastscan.errors import PlanningError
+from breastscan.geometry import kinematics, se3
+from breastscan.planning.joint_limits import OBSTACLES, Clearances, JointPathConfig, elbow_down, obstacles
+from breastscan.planning.spin_graph import SPIN_STEP, SPINS, SpinGraph, spun
+
+GRAPH_SPACING = 0.005
+"""Distance of the graph's poses along the path [m]."""
+LEAST_STEPS = 6
+"""Steps of the graph on the shortest path: a quintic curve needs so many."""
+SMOOTHING_POSES = 3.0
+"""Width (standard deviation) of the average that takes the graph's steps out of the spin, in poses of the graph."""
+LEAST_ACROSS = 0.01
+"""Least sine of the angle between the direction of travel and the normal."""
+LEAST_COSINE = -0.9
+"""Of the angle between a normal and the mean of all: the shortest turn to the opposite is not defined."""
+FREE_SPIN = math.pi / 2 - 1e-9
+"""Spin tolerance from which on the array may lie anyhow [rad]."""
+FLOOR_SPARE = 0.005
+"""Added to the floor for the graph's poses [m], so that the smoothed spin does not dip below it."""
+LARGEST_STEP = 0.6
+"""Joint change from pose to pose above which the arm would flip [rad]."""
+ELBOW_DOWN_COST = 1e3
+"""Added at each pose with the elbow down, in the graph's unit of rad^2/s: any path with the elbow up costs less."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """A choice of spin and branch for a path, whatever the time in which it is walked."""
+
+    spin: BSpline
+    """Turn of the probe about its axis [rad], over the share of the path's length."""
+    branch: int
+    """Index into `kinematics.inverse_branches`."""
+    mean_normal_B: Float[np.ndarray, "3"] | None
+    """A free spin counts from the `steady_poses` about it; None where the spin counts from across the path."""
+
+    def poses(
+        self, positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n"]]:
+        """Probe poses X_BP along the path, and their spins [rad]."""
+        s = _lengths(positions_B)
+        spin = self.spin(s / s[-1])
+        return spun(_unspun_poses(positions_B, normals_B, self.mean_normal_B), spin), spin
+
+
+def choose(
+    positions_B: Float[np.ndarray, "n 3"],
+    normals_B: Float[np.ndarray, "n 3"],
+    X_FP: Float[np.ndarray, "4 4"],
+    period: float,
+    config: JointPathConfig,
+    clearances: Clearances | None = None,
+) -> Route:
+    """The route of least joint motion that keeps clear of every obstacle.
+
+    Args:
+        positions_B: Probe tip at every control period, in B [m].
+        normals_B: Outward unit normals of the skin there.
+        X_FP: Probe tip in the flange.
+        period: Control period [s].
+        config: Limits, margins and the freedom of the spin.
+        clearances: Measures the arm's distance from itself and its surroundings; None leaves that out.
+
+    Raises:
+        PlanningError: Some point cannot be reached, or no route joins the reachable poses.
+    """
+    mean_normal_B = normals_B.mean(axis=0) if config.spin_tolerance >= FREE_SPIN else None
+    X_BQ = _unspun_poses(positions_B, normals_B, mean_normal_B)
+    nodes = _graph_poses(_lengths(positions_B))
+    graph = _graph(X_BQ[nodes], se3.inverse(X_FP), np.diff(nodes) * period, config)
+    spins, branch = _clear_motion(graph, clearances, config.collision_margin)
+    return Route(spin=_smooth_spin(spins), branch=branch, mean_normal_B=mean_normal_B)
+
+
+def across_path_poses(
+    positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Probe poses at spin 0: z against the normal, x (the array) across the direction of travel.
+
+    The direction is that of a quintic curve through some of the samples. The path's own tangent has a kink in its
+    rate of turn at every point of a cubic, which would be an unbounded jerk of the joints.
+    """
+    s = _lengths(positions_B)
+    nodes = _graph_poses(s)
+    travel_B = make_interp_spline(s[nodes], positions_B[nodes], 5).derivative()(s)
+    z_B = -normals_B
+    x_B = np.cross(travel_B, z_B)
+    across = np.linalg.norm(x_B, axis=1)
+    if not across.min() > LEAST_ACROSS:
+        bad = int(np.argmin(across))
+        raise PlanningError(
+            f"the path runs along the normal at sample {bad} of {len(positions_B)}: its direction of travel across "
+            "the skin is not defined there, so check the normals",
+            positions_B[bad],
+        )
+    x_B /= across[:, None]
+    return se3.pose(np.stack([x_B, np.cross(z_B, x_B), z_B], axis=-1), positions_B)
+
+
+def steady_poses(
+    positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], mean_normal_B: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Probe poses at spin 0 whatever the direction of travel: the mean pose, turned the shortest way to each normal.
+
+    A free spin counts from here, so that the smoothed spin need not undo every wiggle of the path.
+    """
+    R_mean = Rotation.align_vectors(-mean_normal_B[None], np.array([[0.0, 0.0, 1.0]]))[0].as_matrix()
+    axis_B = np.cross(R_mean[:, 2], -normals_B)
+    cosine = -normals_B @ R_mean[:, 2]
+    if not cosine.min() > LEAST_COSINE:
+        bad = int(np.argmin(cosine))
+        raise PlanningError(
+            f"the normal at sample {bad} of {len(normals_B)} points against the others: check the normals",
+            normals_B[bad],
+        )
+    W = np.cross(axis_B[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # W v = axis x v
+    turn = np.eye(3) + W + W @ W / (1.0 + cosine)[:, None, None]
+    return se3.pose(turn @ R_mean, positions_B)
+
+
+def retreated(X_BP: Float[np.ndarray, "*n 4 4"], distance: float) -> Float[np.ndarray, "*n 4 4"]:
+    """The poses `distance` [m] back along their own axis."""
+    X_retreated = X_BP.copy()
+    X_retreated[..., :3, 3] -= distance * X_BP[..., :3, 2]
+    return X_retreated
+
+
+def _unspun_poses(positions_B: np.ndarray, normals_B: np.ndarray, mean_normal_B: np.ndarray | None) -> np.ndarray:
+    if mean_normal_B is None:
+        return across_path_poses(positions_B, normals_B)
+    return steady_poses(positions_B, normals_B, mean_normal_B)
+
+
+def _lengths(positions_B: np.ndarray) -> np.ndarray:
+    """Length of the path up to each sample [m], which must grow."""
+    steps = np.linalg.norm(np.diff(positions_B, axis=0), axis=1)
+    if len(steps) < LEAST_STEPS or not steps.min() > 0.0:
+        bad = int(np.argmin(steps)) if len(steps) else 0
+        raise PlanningError(
+            f"the path stands still at sample {bad + 1} of {len(positions_B)}, or has fewer than {LEAST_STEPS + 1} "
+            "samples: drop repeated samples",
+            bad,
+        )
+    return np.append(0.0, np.cumsum(steps))
+
+
+def _graph_poses(s: np.ndarray) -> np.ndarray:
+    """Indices of samples about `GRAPH_SPACING` apart in length `s` [m], both ends among them."""
+    count = max(math.ceil(s[-1] / GRAPH_SPACING), LEAST_STEPS)
+    nodes = np.unique(np.searchsorted(s, np.linspace(0.0, s[-1], count + 1)))
+    return np.append(nodes[:-1], len(s) - 1)
+
+
+def _graph(X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: JointPathConfig) -> SpinGraph:
+    """All spins and branches of the poses, and what it costs to be there."""
+    spins = SPIN_STEP * np.arange(SPINS)
+    X_BP = spun(np.repeat(X_BQ[:, None], SPINS, axis=1), np.broadcast_to(spins, (len(X_BQ), SPINS)))
+    q = kinematics.inverse_branches(X_BP @ X_PF)
+    strict = replace(config, floor=config.floor + FLOOR_SPARE)
+    against = obstacles(q, strict)
+    ends = [0, -1]  # from here the probe must come clear of the skin too
+    q_clear = kinematics.inverse_branches(retreated(X_BP[ends], config.clearance) @ X_PF)
+    against[:, ends] |= obstacles(q_clear, strict)
+    across = np.abs(np.angle(np.exp(2j * spins))) / 2.0  # half a turn leaves the array across the path
+    turned_away = (across > config.spin_tolerance + 1e-9)[:, None]
+    allowed = ~(against.any(axis=0) | turned_away)
+    _check_reachable(X_BP, X_PF, against, allowed)
+    cost = np.where(allowed, ELBOW_DOWN_COST * elbow_down(q), np.inf)
+    return SpinGraph(q=q, cost=cost, durations=durations, largest_step=LARGEST_STEP)
+
+
+def _check_reachable(X_BP: np.ndarray, X_PF: np.ndarray, against: np.ndarray, allowed: np.ndarray) -> None:
+    """Every pose must have an allowed node; else name the worst one and what stands against it."""
+    barred = ~allowed.any(axis=(1, 2))
+    if not barred.any():
+        return
+    excess = np.where(barred, kinematics.reach_excess(X_BP @ X_PF).min(axis=1), -1.0)
+    worst = int(np.argmax(excess))
+    point_mm = np.round(X_BP[worst, 0, :3, 3] * 1e3)
+    where = f"point {worst + 1} of {len(X_BP)} along the path, at {point_mm} mm in B,"
+    if excess[worst] > 0.0:
+        raise PlanningError(
+            f"{where} is {excess[worst] * 1e3:.0f} mm out of the arm's reach: move the phantom that much, or tilt the "
+            "probe's mount",
+            worst,
+        )
+    counts = ", ".join(f"{int(o.sum())} {name}" for name, o in zip(OBSTACLES, against[:, worst], strict=True))
+    raise PlanningError(
+        f"{where} has no allowed joint angles; of {allowed[worst].size} candidates, there or just clear of the skin, "
+        f"{counts}, and the rest have the wrong spin: free the spin, tilt the probe's mount or move the phantom",
+        worst,
+    )
+
+
+def _clear_motion(graph: SpinGraph, clearances: Clearances | None, margin: float) -> tuple[np.ndarray, int]:
+    """Spins and branch of least motion whose every pose keeps `margin` [m] from collisions.
+
+    Distances are measured only where the least motion leads; a pose where it would collide is measured for all its
+    nodes, these are barred, and the least motion is sought again.
+    """
+    while True:
+        spins, branch = graph.least_motion()
+        if clearances is None:
+            return spins, branch
+        index = np.round(spins / SPIN_STEP).astype(int) % SPINS
+        colliding = np.flatnonzero(clearances(graph.q[np.arange(len(graph.q)), index, branch]) < margin)
+        if len(colliding) == 0:
+            return spins, branch
+        for pose in colliding:
+            open_nodes = np.isfinite(graph.cost[pose])
+            near = clearances(graph.q[pose][open_nodes]) < margin
+            graph.cost[pose][open_nodes] = np.where(near, np.inf, graph.cost[pose][open_nodes])
+            if near.all():
+                raise PlanningError(
+                    f"at pose {pose} of {len(graph.q)} along the path the arm comes within {margin * 1e3:.0f} mm of "
+                    "itself or its surroundings whatever the spin: move the phantom, tilt the probe's mount or lower "
+                    "joints.collision_margin",
+                    int(pose),
+                )
+
+
+def _smooth_spin(node_spins: np.ndarray) -> BSpline:
+    """Spin over the share of the length: a cubic B-spline whose control vertices are the averaged spins of the graph.
+
+    It is twice differentiable and stays within the range of its vertices, and so within the spin's tolerance.
+    """
+    vertices = gaussian_filter1d(node_spins, SMOOTHING_POSES, mode="nearest")
+    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, len(vertices) - 2), np.ones(3)])
+    return BSpline(knots, vertices, 3)

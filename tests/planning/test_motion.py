@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from breastscan.errors import PlanningError
+from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.planning import motion
+from breastscan.planning.feedrate import FeedrateLimits
+from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.pattern import Path
+
+PERIOD = 0.002
+X_FP = se3.from_rotation_vector(np.array([0.0, np.pi / 4, 0.0]), np.array([0.099, 0.0, 0.159]))
+
+
+def loop() -> Path:
+    """A wavy ring at half height of a dome, its normals about 50 degrees off vertical."""
+    angle = np.pi + np.linspace(0.0, 2 * np.pi, 15, endpoint=False)
+    radius = 0.062 + 0.003 * np.random.default_rng(2).uniform(-1.0, 1.0, 15)
+    outwards = np.stack([np.cos(angle), np.sin(angle), np.zeros(15)], axis=1)
+    tilt = np.radians(50.0)
+    return Path(
+        points_B=np.array([0.5, 0.0, 0.1075]) + radius[:, None] * outwards,
+        normals_B=np.sin(tilt) * outwards + np.array([0.0, 0.0, np.cos(tilt)]),
+    )
+
+
+def plan(limits: FeedrateLimits | None = None, period: float = PERIOD, **joints: float) -> motion.Motion:
+    return motion.plan(loop(), X_FP, period, limits or FeedrateLimits(), JointPathConfig(**joints))
+
+
+def largest(planned: motion.Motion, order: int, period: float = PERIOD) -> float:
+    return float(np.abs(np.diff(planned.joints.q, order, axis=0)).max() / period**order)
+
+
+@pytest.fixture(scope="module")
+def planned() -> motion.Motion:
+    return plan()
+
+
+def test_joints_that_keep_up_are_not_slowed(planned):
+    assert planned.slowed == 1.0
+    assert largest(planned, 1) < np.pi
+
+
+@pytest.mark.parametrize(
+    ("limit", "order", "bound"), [("speed_limit", 1, 0.2), ("acceleration_limit", 2, 0.1), ("jerk_limit", 3, 0.5)]
+)
+def test_a_limit_that_would_be_broken_slows_the_motion_down_until_it_just_holds(planned, limit, order, bound):
+    slowed = plan(**{limit: bound})
+    assert 0.95 * bound < largest(slowed, order) <= bound
+    factor = (largest(planned, order) / bound) ** (1 / order)
+    assert slowed.slowed == pytest.approx(factor, rel=0.02)
+    assert slowed.feed.t[-1] == pytest.approx(factor * planned.feed.t[-1], rel=0.02)
+
+
+def test_slowing_down_leaves_path_and_fluctuation_alone(planned):
+    slowed = plan(speed_limit=0.2)
+    tip_B = (kinematics.forward(slowed.joints.q) @ X_FP)[:, :3, 3]
+    np.testing.assert_allclose(tip_B, slowed.feed.positions, atol=1e-9)
+    assert slowed.feed.fluctuation_pct < 1e-6
+    np.testing.assert_allclose(slowed.joints.q[-1], planned.joints.q[-1], atol=1e-6)
+
+
+def test_a_feedrate_twenty_times_too_fast_is_slowed_as_well():
+    fast = plan(FeedrateLimits(speed=1.0, acceleration=5.0, normal_acceleration=5.0, jerk=50.0))
+    assert fast.slowed > 1.0
+    assert largest(fast, 2) <= JointPathConfig().acceleration_limit
+
+
+def test_the_use_of_each_limit_names_joint_value_and_place(planned):
+    angle, speed, acceleration, jerk = planned.uses
+    assert (angle.limit, speed.limit, acceleration.limit, jerk.limit) == ("angle", "speed", "acceleration", "jerk")
+    by_hand = np.abs(np.diff(planned.joints.q, axis=0)) / PERIOD
+    sample, joint = np.unravel_index(by_hand.argmax(), by_hand.shape)
+    assert (speed.sample, speed.joint) == (sample, joint + 1)
+    assert speed.share == pytest.approx(by_hand.max() / np.pi)
+
+
+def test_acceleration_and_jerk_do_not_depend_on_the_sampling(planned):
+    """Physics: a motion whose jerk is bounded looks the same at 1 and at 2 ms; a hidden kink would double."""
+    for config in ({}, {"spin_tolerance": 0.0}):
+        coarse, fine = plan(**config), plan(period=PERIOD / 2, **config)
+        for order in (1, 2, 3):
+            assert largest(fine, order, PERIOD / 2) == pytest.approx(largest(coarse, order), rel=0.05)
+
+
+def test_a_calibrated_arm_puts_the_tip_on_the_path():
+    rng = np.random.default_rng(0)
+    arm = KinematicCalibration.from_dh_corrections(
+        theta=rng.normal(0, 1e-3, 6), d=rng.normal(0, 5e-4, 6), a=rng.normal(0, 5e-4, 6), alpha=rng.normal(0, 1e-3, 6)
+    )
+    planned = motion.plan(loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), calibration=arm)
+    tip_B = (arm.forward(planned.joints.q) @ X_FP)[:, :3, 3]
+    np.testing.assert_allclose(tip_B, planned.feed.positions, atol=1e-9)
+    nominal_mm = 1e3 * np.linalg.norm((kinematics.forward(planned.joints.q) @ X_FP)[:, :3, 3] - tip_B, axis=1)
+    assert nominal_mm.max() > 0.3
+
+
+def test_the_arm_goes_another_way_round_a_collision(planned):
+    """An obstacle around joint 6's angles that the free plan uses half-way."""
+    forbidden = float(planned.joints.q[len(planned.joints.q) // 2, 5])
+
+    def clearances(q: np.ndarray) -> np.ndarray:
+        return np.abs(np.angle(np.exp(1j * (q[:, 5] - forbidden)))) * 0.05
+
+    around = motion.plan(loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=clearances)
+    assert clearances(planned.joints.q).min() < 1e-3
+    assert clearances(around.joints.q).min() > 0.008
+
+
+def test_a_collision_that_no_spin_avoids_is_named():
+    with pytest.raises(PlanningError, match="within 10 mm of itself or its surroundings"):
+        motion.plan(
+            loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=lambda q: np.full(len(q), 0.005)
+        )
