@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sim.describe import ARM_BIT, SURROUNDINGS_BIT
+from sim.room import CHEST_HULL
 from sim.scene import Scene
 from sim.ur5e import joint_names
 
@@ -38,7 +39,14 @@ class Clearance:
     out.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, with_chest: bool = True) -> None:
+        """Collect the pairs.
+
+        Args:
+            scene: Where the arm stands.
+            with_chest: Whether the chest plate counts. The cell's own shapes are known to who plans in it; where the
+                chest lies is for the cameras to find out.
+        """
         self._model = scene.physics
         self._data = mujoco.MjData(self._model)
         self._joints = [self._model.joint(name).qposadr[0] for name in joint_names()]
@@ -46,6 +54,8 @@ class Clearance:
         fixed = [self._model.body(name).id for name in FIXED_LINKS]
         moving = [geom for geom in arm if self._model.geom_bodyid[geom] not in fixed]
         surroundings = np.flatnonzero(self._model.geom_contype == SURROUNDINGS_BIT).tolist()
+        if not with_chest:
+            surroundings.remove(self._model.geom(CHEST_HULL).id)
         apart = [pair for pair in combinations(arm, 2) if not self._joined(*pair)]
         self._pairs = [*product(moving, surroundings), *apart]
 

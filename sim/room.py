@@ -35,6 +35,8 @@ COLOURS = {
     "camera_body": ((0.17, 0.18, 0.20, 1.0), 0.25),
     "camera_glass": ((0.05, 0.06, 0.10, 1.0), 0.90),
 }
+CHEST_HULL = "chest_hull"
+"""Name of the chest plate's collision shape."""
 
 
 def add_room(root: Element) -> None:
@@ -60,7 +62,7 @@ def add_chest(root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarr
     chest = root.worldbody.add("body", name="phantom", pos=p_BS)
     height = p_BS[2]
     half = np.array([*PLATE_HALF, height / 2])
-    add_collision(chest, "chest_hull", of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2))
+    add_collision(chest, CHEST_HULL, of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2))
     if image is not None:
         add_material(root, "chest", image=image)
         _add_torso(chest, height)

@@ -52,6 +52,7 @@ CATALOGUE: tuple[Metric, ...] = (
         ("normal_p95_deg", "Error of the normals, 95th percentile", "°"),
         ("calibration_reprojection_px", "Reprojection residual", "px"),
         ("baseline_error_mm", "Error of the stereo baseline", "mm"),
+        ("yaw_error_deg", "Error of the angle between the cameras", "°"),
         ("handeye_error_mm", "Hand-eye error, translation", "mm"),
         ("handeye_error_deg", "Hand-eye error, rotation", "°"),
     ),

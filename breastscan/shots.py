@@ -1,0 +1,122 @@
+"""Shots of a calibration board on disk: `NAME_left.png` and `NAME_right.png`, with `poses.csv` where a robot held it.
+
+`poses.csv` has one row a shot, with the columns
+
+    name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad
+
+which are the shot's NAME and the flange's pose in the robot's base: position and rotation vector, as a UR controller
+states it while its tool centre point is set to zero.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float
+
+from breastscan import record
+from breastscan.errors import CalibrationError
+from breastscan.geometry import se3
+from breastscan.reconstruct import read_grey
+from breastscan.robot.interface import StereoPair
+from breastscan.vision.board import Board, BoardShot, find_shot
+
+POSES_FILE = "poses.csv"
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShotFolder:
+    """What was found in a folder of shots."""
+
+    shots: tuple[BoardShot, ...]
+    """Those that show the whole board in both pictures."""
+    size: tuple[int, int]
+    """Width and height of every picture [px]."""
+    without_board: tuple[str, ...]
+    """Names of the others."""
+
+
+def write_shot(folder: Path, name: str, pair: StereoPair) -> None:
+    """Write both pictures of a shot."""
+    record.write_image(folder / f"{name}_left.png", pair.left)
+    record.write_image(folder / f"{name}_right.png", pair.right)
+
+
+def read_pair(folder: Path, name: str) -> StereoPair:
+    """Both pictures of a shot, as 8-bit grey.
+
+    Raises:
+        PerceptionError: A picture is missing or damaged.
+    """
+    left, right = (read_grey(folder / f"{name}_{side}.png") for side in ("left", "right"))
+    return StereoPair(left=left, right=right, time=0.0)
+
+
+def read_shots(folder: Path, board: Board) -> ShotFolder:
+    """Find the board's corners in every shot of a folder.
+
+    Raises:
+        CalibrationError: The folder holds no shots, they differ in size, or the board is never found.
+        PerceptionError: A picture is missing or damaged.
+    """
+    names = sorted(path.name.removesuffix("_left.png") for path in folder.glob("*_left.png"))
+    if not names:
+        raise CalibrationError(f"no shots in {folder}: expected pairs NAME_left.png and NAME_right.png", folder)
+    found, without_board, size = [], [], None
+    for name in names:
+        pair = read_pair(folder, name)
+        size = size or pair.left.shape
+        for side, picture in (("left", pair.left), ("right", pair.right)):
+            if picture.shape != size:
+                raise CalibrationError(
+                    f"{folder / f'{name}_{side}.png'} is {picture.shape[1]}x{picture.shape[0]} px, the others are "
+                    f"{size[1]}x{size[0]} px: take all shots with one camera setting",
+                    picture.shape,
+                )
+        shot = find_shot(name, pair.left, pair.right, board)
+        found.append(shot) if shot else without_board.append(name)
+    if not found:
+        raise CalibrationError(
+            f"none of the {len(names)} shots in {folder} shows a board of {board.columns} x {board.rows} inner "
+            "corners in both pictures: check the board's numbers, the light and the focus",
+            folder,
+        )
+    assert size is not None
+    return ShotFolder(shots=tuple(found), size=(size[1], size[0]), without_board=tuple(without_board))
+
+
+def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None:
+    """Write `poses.csv`: the flange's pose at each shot."""
+    X = np.stack(list(X_BF.values()))
+    values = np.hstack([X[:, :3, 3], se3.rotation_vector(X)])
+    table = pl.DataFrame({"name": list(X_BF), **dict(zip(POSE_COLUMNS, values.T, strict=True))})
+    table.write_csv(folder / POSES_FILE)
+
+
+def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
+    """`X_BF` [m] of each shot by name, from `poses.csv`.
+
+    Raises:
+        CalibrationError: The file is missing, lacks a column, or holds what is not a number.
+    """
+    path = folder / POSES_FILE
+    if not path.is_file():
+        raise CalibrationError(
+            f"no {POSES_FILE} in {folder}: hand-eye calibration needs the flange's pose at each shot, in the columns "
+            f"name, {', '.join(POSE_COLUMNS)}",
+            path,
+        )
+    try:
+        table = pl.read_csv(path, schema_overrides={"name": pl.String, **dict.fromkeys(POSE_COLUMNS, pl.Float64)})
+        values = table.select(POSE_COLUMNS).to_numpy()
+        names = table["name"].to_list()
+    except pl.exceptions.PolarsError as error:
+        columns = ", ".join(POSE_COLUMNS)
+        raise CalibrationError(
+            f"{path} cannot be read ({error}): expected the columns name, {columns}", path
+        ) from error
+    if not np.isfinite(values).all():
+        raise CalibrationError(f"{path} holds a value that is missing or not finite: mend or remove its row", path)
+    return dict(zip(names, se3.from_rotation_vector(values[:, 3:], values[:, :3]), strict=True))

@@ -1,0 +1,85 @@
+"""The calibration board: a plain chessboard, and its inner corners in pictures [Zhang, Sec. II-A, Fig. 2]."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from breastscan.errors import CalibrationError
+
+DETECTION = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+"""Search harder, and place the corners on an up-scaled picture."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """A chessboard, by the corners inside it where four squares meet.
+
+    Its frame has the origin in the first inner corner, x along a row of corners, y along a column and z into the board.
+    A board of even by even squares looks the same after half a turn: which of its two ends comes first is not seen in
+    one picture.
+    """
+
+    columns: int = 7
+    """Inner corners in a row [-]."""
+    rows: int = 5
+    """Inner corners in a column [-]."""
+    square: float = 0.025
+    """Side of a square [m]."""
+
+    def __post_init__(self) -> None:
+        if self.columns < 3 or self.rows < 3:
+            raise CalibrationError(
+                f"a board needs 3 x 3 inner corners at least, got {self.columns} x {self.rows}", self
+            )
+        if not 0 < self.square < np.inf:
+            raise CalibrationError(f"a board's squares need a positive side in metres, got {self.square}", self)
+
+    @property
+    def points(self) -> Float[np.ndarray, "n 3"]:
+        """The inner corners in the board's frame, row by row [m]."""
+        y, x = np.mgrid[: self.rows, : self.columns]
+        return self.square * np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+
+    @property
+    def centre(self) -> Float[np.ndarray, "3"]:
+        """The middle of the inner corners in the board's frame [m]."""
+        return self.points.mean(axis=0)
+
+
+def find_corners(image: UInt8[np.ndarray, "h w"], board: Board) -> Float[np.ndarray, "n 2"] | None:
+    """Pixels of the inner corners, row by row, or None where the whole board is not seen."""
+    found, corners = cv2.findChessboardCornersSB(image, (board.columns, board.rows), flags=DETECTION)
+    return corners[:, 0].astype(float) if found else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardShot:
+    """One shot of the board by both cameras; the same row of both arrays is the same corner."""
+
+    name: str
+    left: Float[np.ndarray, "n 2"]
+    """Corners in the left picture [px]."""
+    right: Float[np.ndarray, "n 2"]
+    """Corners in the right picture [px]."""
+
+    def half_turned(self) -> "BoardShot":
+        """The same shot, its corners counted from the board's other end."""
+        return BoardShot(name=self.name, left=self.left[::-1], right=self.right[::-1])
+
+
+def find_shot(
+    name: str, left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], board: Board
+) -> BoardShot | None:
+    """The corners in both pictures of a pair, or None where one of them does not show the whole board.
+
+    The cameras of a rig stand about the same way up, so the corners' order in the right picture is chosen to run the
+    same way as in the left one.
+    """
+    on_left, on_right = find_corners(left, board), find_corners(right, board)
+    if on_left is None or on_right is None:
+        return None
+    if (on_left[-1] - on_left[0]) @ (on_right[-1] - on_right[0]) < 0:
+        on_right = on_right[::-1]
+    return BoardShot(name=name, left=on_left, right=on_right)

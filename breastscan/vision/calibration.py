@@ -1,0 +1,182 @@
+"""The stereo rig from shots of a board: each camera alone, then the pair [Zhang, Sec. II-A, Figs. 2-5, Tables 1, 2].
+
+Shots whose corners do not fit those of the others are named, dropped, and the calibration is repeated, as in the paper.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.errors import CalibrationError
+from breastscan.geometry import se3
+from breastscan.vision import bundle
+from breastscan.vision.board import Board, BoardShot
+from breastscan.vision.calibration_quality import Quality, QualityLimits, check, image_coverage, tilt_spread
+from breastscan.vision.camera import Intrinsics, StereoRig
+
+HELD_OUT_EVERY = 5
+"""One shot in so many is held out of a second calibration, and then predicted by it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationConfig:
+    """When a shot does not count, and when a whole set does not."""
+
+    min_shots: int = 12
+    """Fewest shots that may remain [-]."""
+    singular_ratio: float = 4.0
+    """A shot is singular when its residual exceeds the median one this many times [-] ..."""
+    singular_px: float = 0.05
+    """... and this [px]."""
+    limits: QualityLimits = field(default_factory=QualityLimits)
+
+    def __post_init__(self) -> None:
+        if self.min_shots < 3:
+            raise CalibrationError(f"at least 3 shots determine a camera, got min_shots = {self.min_shots}", self)
+        if not (self.singular_ratio > 1 and self.singular_px >= 0):
+            raise CalibrationError("singular_ratio must exceed 1 and singular_px must not be negative", self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A calibrated pair of cameras, and what there is to say about it."""
+
+    rig: StereoRig
+    board: Board
+    shots: tuple[BoardShot, ...]
+    """Those that were used."""
+    residuals_px: Float[np.ndarray, "shots 2"]
+    """RMS distance between found and predicted corners of each used shot, left and right [px]."""
+    X_LBoard: Float[np.ndarray, "shots 4 4"]
+    """Where the board was [m]."""
+    dropped: dict[str, str]
+    """Names of the shots that were not used, and why."""
+    quality: Quality
+
+    @property
+    def reprojection_px(self) -> float:
+        """RMS distance between found and predicted corners over all pictures [px]."""
+        return float(np.sqrt(np.mean(self.residuals_px**2)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Estimate:
+    """What one run of the estimator gives."""
+
+    rig: StereoRig
+    residuals_px: Float[np.ndarray, "shots 2"]
+    X_LBoard: Float[np.ndarray, "shots 4 4"]
+
+
+def calibrate(
+    shots: Sequence[BoardShot], size: tuple[int, int], board: Board, config: CalibrationConfig | None = None
+) -> Calibration:
+    """Both cameras and their relative pose, without hand-eye.
+
+    Args:
+        shots: The board's corners in both pictures of each shot.
+        size: Width and height of the pictures [px].
+        board: The board.
+        config: What is dropped, what is refused.
+
+    Raises:
+        CalibrationError: Too few shots fit together, left and right are swapped, or the set is too poor to trust.
+    """
+    config = config or CalibrationConfig()
+    used, dropped = list(shots), {}
+    while True:
+        if len(used) < config.min_shots:
+            raise CalibrationError(
+                f"{len(used)} usable shots of the board, at least {config.min_shots} are needed{_because(dropped)}: "
+                "take more, with the whole board in both pictures",
+                dropped,
+            )
+        estimate = _estimate(used, size, board)
+        singular = _singular(estimate.residuals_px, config)
+        if singular is None:
+            break
+        worst = estimate.residuals_px[singular].max()
+        dropped[used.pop(singular).name] = f"singular reprojection error, {worst:.2f} px"
+    _check_sides(estimate.rig)
+    quality = Quality(
+        coverage=image_coverage(used, size),
+        tilt_spread=tilt_spread(estimate.X_LBoard),
+        held_out_px=_held_out_px(used, size, board),
+        fit_px=float(np.sqrt(np.mean(estimate.residuals_px**2))),
+    )
+    check(quality, config.limits)
+    return Calibration(
+        rig=estimate.rig, board=board, shots=tuple(used), residuals_px=estimate.residuals_px,
+        X_LBoard=estimate.X_LBoard, dropped=dropped, quality=quality,
+    )  # fmt: skip
+
+
+def board_pose(rig: StereoRig, shot: BoardShot, board: Board) -> Float[np.ndarray, "4 4"]:
+    """`X_LBoard` [m] of one shot, from the corners that both pictures give in space."""
+    normalised = [
+        cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion)[:, 0].T
+        for pixels, camera in ((shot.left, rig.left), (shot.right, rig.right))
+    ]
+    homogeneous = cv2.triangulatePoints(np.eye(3, 4), rig.X_RL[:3], *normalised)
+    return fit_pose(board.points, (homogeneous[:3] / homogeneous[3]).T)
+
+
+def fit_pose(p_B: Float[np.ndarray, "n 3"], p_A: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "4 4"]:
+    """The `X_AB` that carries points given in B onto the same points given in A, by least squares [m]."""
+    centre_A, centre_B = p_A.mean(axis=0), p_B.mean(axis=0)
+    U, _, Vt = np.linalg.svd((p_A - centre_A).T @ (p_B - centre_B))
+    R_AB = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return se3.pose(R_AB, centre_A - R_AB @ centre_B)
+
+
+def _estimate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> _Estimate:
+    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as well."""
+    objects = [board.points.astype(np.float32)] * len(shots)
+    views = [[getattr(shot, side).astype(np.float32) for shot in shots] for side in ("left", "right")]
+    cameras = []
+    for pixels in views:
+        _, K, distortion, _, _ = cv2.calibrateCamera(objects, pixels, size, np.eye(3), np.zeros(5))
+        cameras.append(Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1]))
+    left, right = cameras
+    _, _, _, _, _, R, p, _, _ = cv2.stereoCalibrate(  # pyright: ignore[reportCallIssue]
+        objects, *views, left.K, left.distortion, right.K, right.distortion, size, flags=cv2.CALIB_FIX_INTRINSIC
+    )
+    rig = StereoRig(left=left, right=right, X_RL=se3.pose(R, p.reshape(3)))
+    X_LBoard = np.array([board_pose(rig, shot, board) for shot in shots])
+    rig, X_LBoard = bundle.adjust(rig, X_LBoard, shots, board)
+    errors_px = bundle.reprojection(rig, X_LBoard, shots, board)
+    return _Estimate(rig=rig, residuals_px=bundle.residuals(errors_px), X_LBoard=X_LBoard)
+
+
+def _singular(residuals_px: Float[np.ndarray, "shots 2"], config: CalibrationConfig) -> int | None:
+    """The worst shot, if it stands out."""
+    of_shot = residuals_px.max(axis=1)
+    worst = int(of_shot.argmax())
+    limit_px = max(config.singular_ratio * float(np.median(of_shot)), config.singular_px)
+    return worst if of_shot[worst] > limit_px else None
+
+
+def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> float:
+    """RMS distance between found and predicted corners of shots that a calibration has not seen [px]."""
+    kept = [shot for number, shot in enumerate(shots) if number % HELD_OUT_EVERY]
+    rig = _estimate(kept, size, board).rig
+    held_out = shots[::HELD_OUT_EVERY]
+    X_LBoard = np.array([board_pose(rig, shot, board) for shot in held_out])
+    errors_px = bundle.reprojection(rig, X_LBoard, held_out, board)
+    return float(np.sqrt(np.mean(bundle.residuals(errors_px) ** 2)))
+
+
+def _check_sides(rig: StereoRig) -> None:
+    if rig.X_RL[0, 3] > 0:
+        raise CalibrationError(
+            f"the left pictures were taken {rig.X_RL[0, 3] * 1e3:.0f} mm to the right of the right ones: "
+            "left and right are swapped, exchange them",
+            rig.X_RL,
+        )
+
+
+def _because(dropped: dict[str, str]) -> str:
+    return "" if not dropped else " (dropped: " + "; ".join(f"{name}, {why}" for name, why in dropped.items()) + ")"

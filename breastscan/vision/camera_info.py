@@ -1,0 +1,40 @@
+"""A rig as ROS knows it: one `camera_info` file per camera, as `camera_info_manager` loads them."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from breastscan.vision.camera import Intrinsics, StereoRig
+
+
+def write_camera_info(folder: Path, rig: StereoRig) -> None:
+    """Write `left_camera_info.yaml` and `right_camera_info.yaml`, lengths in metres.
+
+    The projection matrices are those of the rectified pair: the right one holds minus focal length times baseline.
+    """
+    size = (rig.left.width, rig.left.height)
+    R_left, R_right, P_left, P_right, *_ = cv2.stereoRectify(
+        rig.left.K, rig.left.distortion, rig.right.K, rig.right.distortion, size, rig.X_RL[:3, :3], rig.X_RL[:3, 3],
+        flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1,
+    )  # fmt: skip
+    for side, camera, R, P in (("left", rig.left, R_left, P_left), ("right", rig.right, R_right, P_right)):
+        (folder / f"{side}_camera_info.yaml").write_text(_camera_info(side, camera, R, P), encoding="utf-8")
+
+
+def _camera_info(side: str, camera: Intrinsics, R: np.ndarray, P: np.ndarray) -> str:
+    return (
+        f"image_width: {camera.width}\n"
+        f"image_height: {camera.height}\n"
+        f"camera_name: {side}\n"
+        "distortion_model: plumb_bob\n"
+        + _matrix("camera_matrix", camera.K)
+        + _matrix("distortion_coefficients", camera.distortion[None])
+        + _matrix("rectification_matrix", R)
+        + _matrix("projection_matrix", P)
+    )
+
+
+def _matrix(name: str, value: np.ndarray) -> str:
+    numbers = ", ".join(repr(float(entry)) for entry in value.ravel())
+    return f"{name}:\n  rows: {value.shape[0]}\n  cols: {value.shape[1]}\n  data: [{numbers}]\n"

@@ -1,0 +1,240 @@
+"""Where the cameras stand in the robot's base, from a board held by the flange [Zhang, Sec. V-A, Eq. 32, Figs. 16, 17].
+
+Eye-to-hand: the loop `X_BF X_FBoard = X_BL X_LBoard` closes at every pose of the arm. Two closed forms start a joint
+least squares on the corners in both pictures. It also gives each stated flange pose the slack that the arm's
+repeatability leaves, and adjusts the cameras' relative pose: that mends the depth where the board was, should the rig
+have a yaw error, and changes little where it has none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from breastscan.errors import CalibrationError
+from breastscan.geometry import se3
+from breastscan.vision import bundle
+from breastscan.vision.board import Board, BoardShot
+from breastscan.vision.calibration import board_pose
+from breastscan.vision.camera import StereoRig
+
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+CLOSED_FORMS = {"Park": cv2.CALIB_HAND_EYE_PARK, "Daniilidis": cv2.CALIB_HAND_EYE_DANIILIDIS}
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandEyeConfig:
+    """What is known of the arm and the corners, and which sets of poses are refused."""
+
+    min_poses: int = 10
+    """Fewest poses [-]; thirty are advisable."""
+    min_tilt: float = np.radians(8.0)
+    """Least spread of the flange's rotations about the second of their axes, one sigma [rad]: +-30 deg give 12."""
+    position_sigma: float = 5e-5
+    """Error of a stated flange position, one sigma along each axis [m]."""
+    rotation_sigma: float = np.radians(0.01)
+    """Error of a stated flange rotation, one sigma about each axis [rad]."""
+    corner_sigma_px: float = 0.03
+    """Error of a found corner, one sigma along each axis [px]."""
+    max_disagreement: float = 0.02
+    """Largest distance between the camera's places from both closed forms [m]."""
+    max_reprojection_px: float = 1.0
+    """Largest residual [px]."""
+
+    def __post_init__(self) -> None:
+        if self.min_poses < 3:
+            raise CalibrationError(f"hand-eye calibration needs 3 poses or more, got min_poses {self.min_poses}", self)
+        for name in ("position_sigma", "rotation_sigma", "corner_sigma_px", "max_disagreement", "max_reprojection_px"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise CalibrationError(f"{name} must be positive and finite, got {getattr(self, name)}", self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandEye:
+    """The cameras' place, and how well it is known."""
+
+    rig: StereoRig
+    """The rig with `X_BL`, its `X_RL` adjusted."""
+    X_FBoard: Float[np.ndarray, "4 4"]
+    """How the flange holds the board [m]."""
+    tilt_spread: float
+    """Spread of the flange's rotations about the second of their axes, one sigma [rad]."""
+    disagreement: tuple[float, float]
+    """Between the two closed forms: distance [m] and angle [rad] of the camera's poses."""
+    residuals_px: Float[np.ndarray, "shots 2"]
+    """RMS distance between found and predicted corners of each shot, left and right [px]."""
+    X_BF: Float[np.ndarray, "shots 4 4"]
+    """The flange at each shot, as stated [m]."""
+    shots: tuple[BoardShot, ...]
+    """Their corners counted from the same end of the board."""
+
+    @property
+    def reprojection_px(self) -> float:
+        """RMS distance between found and predicted corners over all pictures [px]."""
+        return float(np.sqrt(np.mean(self.residuals_px**2)))
+
+
+def hand_eye(
+    shots: Sequence[BoardShot],
+    X_BF: Float[np.ndarray, "shots 4 4"],
+    rig: StereoRig,
+    board: Board,
+    config: HandEyeConfig | None = None,
+) -> HandEye:
+    """The cameras' pose in the base, from the flange's pose at each shot of the board it holds.
+
+    Args:
+        shots: Corners of the board; from which of its ends they are counted does not matter.
+        X_BF: Flange poses at the same shots [m].
+        rig: The calibrated cameras.
+        board: The board.
+        config: What is known of the errors, what is refused.
+
+    Raises:
+        CalibrationError: Too few poses, too little tilt, or poses that do not belong to the shots.
+    """
+    config = config or HandEyeConfig()
+    if len(shots) < config.min_poses:
+        raise CalibrationError(
+            f"{len(shots)} poses with the board in both pictures, at least {config.min_poses} are needed: take 30",
+            shots,
+        )
+    spread = tilt_spread(X_BF)
+    if spread < config.min_tilt:
+        raise CalibrationError(
+            f"the flange's rotations vary by {np.degrees(spread):.1f} deg about their second axis, "
+            f"{np.degrees(config.min_tilt):.0f} deg are needed: tilt the board by +-30 deg about several axes",
+            spread,
+        )
+    shots = same_end(shots, X_BF, rig, board)
+    X_LBoard = np.array([board_pose(rig, shot, board) for shot in shots])
+    starts = [closed_form(X_BF, X_LBoard, method) for method in CLOSED_FORMS.values()]
+    disagreement = _disagreement(*starts)
+    if disagreement[0] > config.max_disagreement:
+        raise CalibrationError(
+            f"{' and '.join(CLOSED_FORMS)} place the camera {disagreement[0] * 1e3:.0f} mm apart, at most "
+            f"{config.max_disagreement * 1e3:.0f} mm are accepted: do the poses belong to these shots, in this order, "
+            "and is the tool centre point zero?",
+            disagreement,
+        )
+    problem = _Joint(shots, X_BF, rig, board, config)
+    rig, X_FBoard, residuals_px = problem.solve(starts[0], _held(X_BF, starts[0], X_LBoard))
+    result = HandEye(
+        rig=rig, X_FBoard=X_FBoard, tilt_spread=spread, disagreement=disagreement, residuals_px=residuals_px,
+        X_BF=X_BF, shots=tuple(shots),
+    )  # fmt: skip
+    if result.reprojection_px > config.max_reprojection_px:
+        raise CalibrationError(
+            f"the corners depart from the fitted poses by {result.reprojection_px:.2f} px, at most "
+            f"{config.max_reprojection_px} px are accepted: did the board or a camera move in between?",
+            result.reprojection_px,
+        )
+    return result
+
+
+def tilt_spread(X_BF: Float[np.ndarray, "n 4 4"]) -> float:
+    """Spread of the flange's rotations about the second of their principal axes, one sigma [rad].
+
+    Rotations about one axis alone leave the camera's place along it open.
+    """
+    rotations = Rotation.from_matrix(X_BF[:, :3, :3])
+    turns = (rotations.mean().inv() * rotations).as_rotvec()
+    return float(np.sqrt(max(np.linalg.eigvalsh(np.cov(turns.T))[1], 0.0)))
+
+
+def same_end(
+    shots: Sequence[BoardShot], X_BF: Float[np.ndarray, "shots 4 4"], rig: StereoRig, board: Board
+) -> list[BoardShot]:
+    """The shots with their corners counted from the same end of the board.
+
+    One picture does not tell a board's ends apart, but between two shots the board turned by the same angle as the
+    flange. How much better each pair of shots fits with like than with unlike ends makes a matrix, and the signs of its
+    leading eigenvector are the shots' ends.
+    """
+    R_LBoard = np.array([board_pose(rig, shot, board)[:3, :3] for shot in shots])
+    flange = _relative_angles(X_BF[:, :3, :3], X_BF[:, :3, :3])
+    alike = np.abs(_relative_angles(R_LBoard, R_LBoard) - flange)
+    unlike = np.abs(_relative_angles(R_LBoard, R_LBoard @ HALF_TURN) - flange)
+    half_turned = np.linalg.eigh(unlike - alike)[1][:, -1] < 0
+    return [shot.half_turned() if turned else shot for shot, turned in zip(shots, half_turned, strict=True)]
+
+
+def closed_form(
+    X_BF: Float[np.ndarray, "n 4 4"], X_LBoard: Float[np.ndarray, "n 4 4"], method: int
+) -> Float[np.ndarray, "4 4"]:
+    """`X_BL` [m] by one of OpenCV's methods, which calls the flange `gripper` and expects the camera on it.
+
+    With the camera fixed and the board on the flange, base and flange change places.
+    """
+    X_FB = se3.inverse(X_BF)
+    turns_and_places = [part for X in (X_FB, X_LBoard) for part in (X[:, :3, :3], X[:, :3, 3])]
+    R, p = cv2.calibrateHandEye(*turns_and_places, method=method)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return se3.pose(R, p.reshape(3))
+
+
+class _Joint:
+    """The joint least squares: small motions of every pose, weighed by what is known of the errors."""
+
+    def __init__(
+        self,
+        shots: Sequence[BoardShot],
+        X_BF: Float[np.ndarray, "n 4 4"],
+        rig: StereoRig,
+        board: Board,
+        config: HandEyeConfig,
+    ) -> None:
+        self._rig, self._X_BF, self._config = rig, X_BF, config
+        self._shots, self._board = shots, board
+
+    def solve(
+        self, X_BL: Float[np.ndarray, "4 4"], X_FBoard: Float[np.ndarray, "4 4"]
+    ) -> tuple[StereoRig, Float[np.ndarray, "4 4"], Float[np.ndarray, "n 2"]]:
+        """The rig in the base, how the board is held, and the residuals [px], from a start."""
+
+        def weighed(motions: Float[np.ndarray, "m"]) -> Float[np.ndarray, "k"]:
+            motions = motions.reshape(-1, 6)
+            return np.concatenate([
+                self._errors(*self._moved(X_BL, X_FBoard, motions)).ravel() / config.corner_sigma_px,
+                motions[3:, :3].ravel() / config.rotation_sigma,
+                motions[3:, 3:].ravel() / config.position_sigma,
+            ])  # fmt: skip
+
+        config = self._config
+        best = least_squares(weighed, np.zeros(6 * (3 + len(self._X_BF))), method="lm", x_scale="jac").x.reshape(-1, 6)
+        moved = self._moved(X_BL, X_FBoard, best)
+        residuals_px = bundle.residuals(self._errors(*moved))
+        X_BL, X_RL, X_FBoard, _ = moved
+        return replace(self._rig, X_RL=X_RL, X_BL=X_BL), X_FBoard, residuals_px
+
+    def _moved(self, X_BL: np.ndarray, X_FBoard: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Both cameras, the board in the flange, and the flange at each shot, moved a little from where they were."""
+        small = se3.from_rotation_vector(motions[:, :3], motions[:, 3:])
+        return X_BL @ small[0], self._rig.X_RL @ small[1], X_FBoard @ small[2], self._X_BF @ small[3:]
+
+    def _errors(
+        self, X_BL: np.ndarray, X_RL: np.ndarray, X_FBoard: np.ndarray, X_BF: np.ndarray
+    ) -> Float[np.ndarray, "n 2 corners 2"]:
+        """Predicted minus found corners [px]."""
+        X_LBoard = se3.inverse(X_BL) @ X_BF @ X_FBoard
+        return bundle.reprojection(replace(self._rig, X_RL=X_RL), X_LBoard, self._shots, self._board)
+
+
+def _relative_angles(R_A: Float[np.ndarray, "n 3 3"], R_B: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n n"]:
+    """Angle between each rotation of the first set and each of the second [rad]."""
+    trace = np.einsum("aij,bij->ab", R_A, R_B)
+    return np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
+
+
+def _held(X_BF: np.ndarray, X_BL: np.ndarray, X_LBoard: np.ndarray) -> Float[np.ndarray, "4 4"]:
+    """How the flange holds the board, from the first shot."""
+    return se3.inverse(X_BF[0]) @ X_BL @ X_LBoard[0]
+
+
+def _disagreement(first: Float[np.ndarray, "4 4"], second: Float[np.ndarray, "4 4"]) -> tuple[float, float]:
+    """Distance [m] between two poses and angle [rad]."""
+    between = se3.inverse(first) @ second
+    return float(np.linalg.norm(between[:3, 3])), float(np.linalg.norm(se3.rotation_vector(between)))
