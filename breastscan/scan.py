@@ -1,0 +1,205 @@
+"""The scan: a stereo pair becomes points, points a path on the skin, the path a motion, the motion a controlled touch.
+
+Perceive [Zhang, Secs. II, III], plan [Sec. IV], execute [Sec. V]: each step sees only what the one before it made.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from breastscan import execution
+from breastscan.cloud import filters, normals, segment
+from breastscan.cloud.segment import Breast, SegmentConfig
+from breastscan.control.contact import ContactConfig
+from breastscan.control.safety import SafetyLimits
+from breastscan.errors import CalibrationError
+from breastscan.execution import MotionLog, ScanMotion
+from breastscan.geometry import se3
+from breastscan.planning import motion, pattern
+from breastscan.planning.feedrate import Feed, FeedrateLimits
+from breastscan.planning.joint_limits import Clearances, JointPathConfig
+from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
+from breastscan.robot.interface import Robot, StereoCamera, StereoPair
+from breastscan.vision import refine, stereo, triangulation
+from breastscan.vision.camera import RectifiedPair, StereoRig
+from breastscan.vision.refine import RefineConfig
+from breastscan.vision.stereo import StereoConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanConfig:
+    """Every setting of the pipeline, stage by stage."""
+
+    stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2))
+    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes."""
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
+    refine: RefineConfig = field(default_factory=RefineConfig)
+    denoise_alpha: float = 4.0
+    """alpha of the denoising filter [Zhang, Eq. 12]. Points on the flanks lie three times as far apart as on top: at 2,
+    they would go as well."""
+    cloud_points: int = 4000
+    """Points that down-sampling keeps."""
+    pattern: PatternConfig = field(default_factory=PatternConfig)
+    feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
+    joints: JointPathConfig = field(default_factory=lambda: JointPathConfig(floor=0.25))
+    """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    safety: SafetyLimits = field(default_factory=SafetyLimits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstruction:
+    """The breast as the cameras saw it."""
+
+    pair: RectifiedPair
+    disparity: Float32[np.ndarray, "h w"]
+    """Of the whole rectified left view [px], NaN where unknown, refined on the breast."""
+    breast: Breast
+    """Which pixels are breast, and the plate under it."""
+    points_L: Float[np.ndarray, "h w 3"]
+    """Denoised points of the breast at their pixels [m], NaN elsewhere."""
+    sampled_L: Float[np.ndarray, "n 3"]
+    """The down-sampled cloud [m]."""
+    normals_L: Float[np.ndarray, "n 3"]
+    """Its unit normals, towards the camera."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanPlan:
+    """Where the probe is to go."""
+
+    points_B: Float[np.ndarray, "n 3"]
+    """The down-sampled cloud [m]."""
+    normals_B: Float[np.ndarray, "n 3"]
+    """Its outward unit normals."""
+    path: Path
+    feed: Feed
+    motion: ScanMotion
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanResult:
+    """Everything that a scan saw, planned and did."""
+
+    images: StereoPair
+    reconstruction: Reconstruction
+    plan: ScanPlan
+    log: MotionLog
+    wall_s: dict[str, float]
+    """Wall time of each stage [s]."""
+
+
+class Stages:
+    """Times the stages by name, and tells a listener which one runs and how far it is."""
+
+    def __init__(self, listener: Callable[[str, float], None] = lambda name, share: None) -> None:
+        self.wall_s: dict[str, float] = {}
+        self._listener = listener
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time the block; it may call what it gets with the share done."""
+        self._listener(name, 0.0)
+        start = time.perf_counter()
+        yield lambda share: self._listener(name, share)
+        self.wall_s[name] = self.wall_s.get(name, 0.0) + time.perf_counter() - start
+        self._listener(name, 1.0)
+
+
+def scan(
+    robot: Robot,
+    camera: StereoCamera,
+    rig: StereoRig,
+    config: ScanConfig,
+    stages: Stages,
+    clearances: Clearances | None = None,
+) -> ScanResult:
+    """See the breast, plan a loop around it, follow the loop with the probe at constant force.
+
+    Args:
+        robot: The twin or the real arm, parked out of the cameras' view; it parks there again.
+        camera: What takes the pair.
+        rig: The cameras' calibration, hand-eye included.
+        config: Every setting.
+        stages: Takes the wall times and hears of the progress.
+        clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
+
+    Raises:
+        CalibrationError: The rig has no hand-eye calibration.
+        PerceptionError: No breast was found in the images.
+        PlanningError: The path cannot be followed by the arm.
+        SafetyError: A limit was passed in contact; the probe was retreated.
+        RobotError: The robot refused, or met no skin.
+    """
+    with stages.stage("capture"):
+        images = camera.capture()
+    reconstruction = perceive(images, rig, config, stages)
+    plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
+    with stages.stage("execution") as progress:
+        log = execution.execute(robot, plan.motion, config.contact, config.safety, progress)
+    return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
+
+
+def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages) -> Reconstruction:
+    """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
+    with stages.stage("rectification"):
+        pair = rig.rectify(images.left, images.right)
+    with stages.stage("stereo"):
+        matched = stereo.disparity_map(pair.left, pair.right, config.stereo)
+    with stages.stage("segmentation"):
+        breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
+    with stages.stage("refinement"):
+        disparity = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine).disparity
+    with stages.stage("cloud"):
+        points_L = triangulation.triangulate(disparity, pair)
+        points_L[~breast.mask] = np.nan
+        found = np.isfinite(points_L[..., 0])
+        inliers = filters.statistical_inliers(points_L[found], alpha=config.denoise_alpha)
+        found[found] = inliers
+        points_L[~found] = np.nan
+        cloud_L = points_L[found]
+        sampled_L = cloud_L[filters.uniform_sample(cloud_L, min(config.cloud_points, len(cloud_L)))]
+        normals_L = normals.estimate_normals(cloud_L, at=sampled_L)
+    return Reconstruction(
+        pair=pair, disparity=disparity, breast=breast, points_L=points_L, sampled_L=sampled_L, normals_L=normals_L
+    )
+
+
+def plan_scan(
+    reconstruction: Reconstruction,
+    rig: StereoRig,
+    robot: Robot,
+    config: ScanConfig,
+    stages: Stages,
+    clearances: Clearances | None = None,
+) -> ScanPlan:
+    """From the cloud to joint angles for every control period."""
+    if rig.X_BL is None:
+        raise CalibrationError("the rig file has no X_BL, so the points have no place in the robot's frame: run the "
+                               "hand-eye calibration first")  # fmt: skip
+    with stages.stage("path"):
+        points_B = se3.transform(rig.X_BL, reconstruction.sampled_L)
+        normals_B = se3.rotate(rig.X_BL, reconstruction.normals_L)
+        path = pattern.half_height_loop(points_B, normals_B, chest_plate(reconstruction, rig.X_BL), config.pattern)
+    with stages.stage("motion"):
+        planned = motion.plan(path, robot.X_FP, robot.period, config.feedrate, config.joints, clearances=clearances)
+    scan_motion = ScanMotion(
+        q=planned.joints.q,
+        qd=planned.joints.qd,
+        s=planned.feed.s,
+        q_approach=planned.joints.q_approach,
+        clearance=config.joints.clearance,
+        q_home=robot.state().q,
+    )
+    return ScanPlan(points_B=points_B, normals_B=normals_B, path=path, feed=planned.feed, motion=scan_motion)
+
+
+def chest_plate(reconstruction: Reconstruction, X_BL: Float[np.ndarray, "4 4"]) -> ChestPlate:
+    """The plate under the breast, expressed in B."""
+    plate = reconstruction.breast.plate
+    normal_B = se3.rotate(X_BL, plate.normal_L)
+    return ChestPlate(normal_B=normal_B, offset=plate.offset + float(normal_B @ X_BL[:3, 3]))

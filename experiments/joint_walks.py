@@ -1,0 +1,163 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no types)
+"""Loops, and the MuJoCo arm that walks them: with a fixed or a free spin, the probe straight or bent on the flange."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import get_args
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.errors import PlanningError
+from breastscan.planning import feedrate, motion
+from breastscan.planning.feedrate import FeedrateLimits, Step
+from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.motion import Motion
+from breastscan.planning.pattern import Path
+from experiments import paper_loop
+from sim.clearance import Clearance
+from sim.phantom import PhantomConfig
+from sim.robot import SimRobot
+from sim.scene import PERIOD, Scene, SceneConfig
+
+MOUNTS_DEG = (0.0, 45.0)
+"""Angles between probe and flange."""
+SPINS = {"fixed": 0.0, "free": np.pi / 2}
+"""Freedom of the image plane about the probe's axis [rad]."""
+LIMITS = FeedrateLimits(speed=0.025, acceleration=0.020)
+"""The paper's speed and acceleration."""
+LOOP_POINTS = 15
+"""As many as the paper's."""
+DENSE_POINTS = 4000
+"""Of the contour from which they are taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loop:
+    """A closed path and the cell in which it lies."""
+
+    name: str
+    path: Path
+    table_height: float
+    """Top of the table in B [m]."""
+    in_twin: bool
+    """Whether the twin's own table and chest plate stand where the loop expects them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """One loop with one mount and one freedom of the spin: as planned, and as the MuJoCo arm went."""
+
+    loop: str
+    mount_deg: float
+    spin: str
+    refused: str = ""
+    """Why it could not be planned, empty if it could."""
+    unreachable: tuple[str, ...] = ()
+    """The loop's points that cannot be reached."""
+    planned: Motion | None = None
+    q: Float[np.ndarray, "n 6"] | None = None
+    """Joint angles of the MuJoCo arm, one row a period [rad]."""
+    qd: Float[np.ndarray, "n 6"] | None = None
+    """Its joint speeds [rad/s]."""
+    resampled: tuple[float, float] | None = None
+    """By how much the largest joint acceleration and jerk change if sampled every 1 ms instead of 2 [%]."""
+
+    @property
+    def name(self) -> str:
+        """What the walk is called in tables and figures."""
+        return f"{self.spin} spin, {self.mount_deg:.0f}° mount"
+
+
+def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
+    """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
+    scene = Scene(SceneConfig(mount_angle=float(np.radians(mount_deg))))
+    config = JointPathConfig(spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS)
+    clearances = Clearance(scene) if loop.in_twin else None
+    lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
+    try:
+        planned = motion.plan(loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances)
+    except PlanningError as error:
+        return Walk(loop=loop.name, mount_deg=mount_deg, spin=spin, refused=str(error), unreachable=lost)
+    if not loop.in_twin:  # the twin's table would be in the way
+        scene.physics.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    q, qd = _executed(SimRobot(scene, q=planned.joints.q[0]), planned)
+    finer = motion.plan(loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances)
+    return Walk(
+        loop=loop.name,
+        mount_deg=mount_deg,
+        spin=spin,
+        planned=planned,
+        unreachable=lost,
+        q=q,
+        qd=qd,
+        resampled=_resampled(planned, finer),
+    )
+
+
+def fluctuations(walked: list[Loop]) -> list[dict[str, object]]:
+    """Speed fluctuation and chord error of every interpolation method on every loop, and how well the seam closes."""
+    rows = []
+    for loop, step in product(walked, get_args(Step)):
+        feed = feedrate.interpolate(loop.path.curve, FeedrateLimits(speed=0.025, step=step), PERIOD)
+        rows.append({
+            "loop": loop.name,
+            "method": step,
+            "fluctuation_pct": feed.fluctuation_pct,
+            "chord_error_mm": feed.chord_error * 1e3,
+            **_seam(loop.path),
+        })  # fmt: skip
+    return rows
+
+
+def loops(seed: int) -> Iterator[Loop]:
+    """The true half-height loop of the twin's phantom, and the paper's points with either kind of normals."""
+    scene = Scene(SceneConfig(phantom=PhantomConfig(seed=seed)))
+    contour_S = scene.phantom.level_loop(scene.phantom.config.height / 2, DENSE_POINTS)
+    points_S = contour_S[np.arange(LOOP_POINTS) * DENSE_POINTS // LOOP_POINTS]
+    normals_S = scene.phantom.normal(scene.phantom.unembed(points_S))
+    twin = Path(points_B=points_S + scene.X_BS[:3, 3], normals_B=normals_S)
+    yield Loop(name="twin", path=twin, table_height=0.0, in_twin=True)
+    for name, path in (("paper, dome normals", paper_loop.dome()), ("paper, vertical normals", paper_loop.vertical())):
+        yield Loop(name=name, path=path, table_height=paper_loop.TABLE_HEIGHT, in_twin=False)
+
+
+def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """Joint angles and speeds at the end of each period."""
+    states = []
+    for target in planned.joints.q:
+        robot.servo_joint(target)
+        states.append(robot.state())
+    return np.stack([state.q for state in states]), np.stack([state.qd for state in states])
+
+
+def _resampled(coarse: Motion, fine: Motion) -> tuple[float, float]:
+    _, _, *coarse_uses = coarse.uses
+    _, _, *fine_uses = fine.uses
+    acceleration, jerk = (100.0 * abs(f.share / c.share - 1.0) for c, f in zip(coarse_uses, fine_uses, strict=True))
+    return acceleration, jerk
+
+
+def _seam(path: Path) -> dict[str, float]:
+    """Relative jump of tangent and curvature where the curve closes: from the last span's end to the first's start.
+
+    Evaluated from the spans' polynomials, because the curve itself takes its end for its start.
+    """
+    spans, widths = path.curve.polynomials[..., :3], np.diff(path.curve.breaks)
+    tangents, curvatures = zip(
+        *(_tangent_and_curvature(spans[k], x) for k, x in ((0, 0.0), (-1, widths[-1]))), strict=True
+    )
+    return {
+        "seam_tangent": float(np.linalg.norm(tangents[0] - tangents[1])),
+        "seam_curvature": float(np.linalg.norm(curvatures[0] - curvatures[1]) / np.linalg.norm(curvatures[0])),
+    }
+
+
+def _tangent_and_curvature(cubic: np.ndarray, x: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit tangent and curvature vector [1/m] of a span with falling powers of `x`."""
+    first = 3.0 * cubic[0] * x**2 + 2.0 * cubic[1] * x + cubic[2]
+    second = 6.0 * cubic[0] * x + 2.0 * cubic[1]
+    return first / np.linalg.norm(first), np.cross(first, second) / np.linalg.norm(first) ** 3

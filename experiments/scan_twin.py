@@ -1,0 +1,180 @@
+"""One whole scan of the simulated phantom, measured against the truth: what does each stage get wrong?"""
+
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+from breastscan import metrics, record, report
+from breastscan.geometry import se3
+from breastscan.scan import ScanConfig, ScanResult, Stages, scan
+from breastscan.vision.camera import StereoRig
+from experiments import error_analysis
+from experiments.rig_errors import rig_errors
+from sim.camera import SimStereoCamera
+from sim.clearance import Clearance
+from sim.robot import SimRobot
+from sim.scene import Scene, SceneConfig
+from sim.tissue import SoftTissue
+from sim.truth import Truth
+from sim.video import Footage, render_video
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What a scan did, and how far from the truth."""
+
+    result: ScanResult
+    trajectory: pl.DataFrame
+    metrics: dict[str, Any]
+
+
+def run(
+    out: Path,
+    *,
+    seed: int,
+    video: bool,
+    config: ScanConfig,
+    scene_config: SceneConfig,
+    console: Console,
+    rig: Path | None = None,
+) -> dict[str, Any]:
+    """Scan, measure, and leave a complete run folder in `out`.
+
+    Args:
+        out: Where the results go; earlier ones stay until these are complete.
+        seed: Of the phantom's shape and of every noise.
+        video: Whether to render `scan.mp4`.
+        config: The pipeline.
+        scene_config: The world; its seeds are replaced.
+        console: Where progress and summary are shown.
+        rig: File of an estimated rig that the scan sees with, instead of the true one. The twin's cameras stay the
+            scene's.
+
+    Returns:
+        The metrics, as in `metrics.json`.
+    """
+    estimated = None if rig is None else StereoRig.load(rig)
+    with record.staged(out) as folder, _progress(console) as progress:
+        stages = Stages(_Bar(progress))
+        scene_config = seeded(scene_config, seed)
+        scene, tissue = build_world(scene_config, stages)
+        measured = measure(scene, tissue, config, stages, estimated)
+        write(folder, measured, {"seed": seed, "video": video, "rig": rig, "scan": config, "scene": scene_config})
+        if video:
+            with stages.stage("video") as report_share:
+                footage = _footage(measured.trajectory)
+                render_video(scene, tissue, footage, folder / "scan.mp4", progress=lambda share, _: report_share(share))
+        with stages.stage("report"):
+            measured.metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
+            record.write_json(folder / "metrics.json", measured.metrics)
+            report.write(folder)
+    console.print(report.summary(measured.metrics))
+    _warn_beyond_linear(measured.metrics, console)
+    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
+    return measured.metrics
+
+
+def seeded(config: SceneConfig, seed: int) -> SceneConfig:
+    """The scene with its phantom, cameras and sensor drawn from one seed."""
+    return replace(
+        config,
+        phantom=replace(config.phantom, seed=seed),
+        camera=replace(config.camera, seed=seed),
+        wrist=replace(config.wrist, seed=seed),
+    )
+
+
+def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, SoftTissue]:
+    """The scene and its tissue; the first time, the finite elements take a while."""
+    with stages.stage("tissue") as report_share:
+        scene = Scene(config)
+        return scene, SoftTissue.build(scene.phantom, lambda share, _: report_share(share))
+
+
+def measure(
+    scene: Scene, tissue: SoftTissue, config: ScanConfig, stages: Stages, estimated: StereoRig | None = None
+) -> Measured:
+    """One scan of the twin, and its errors. The scan sees the images, the rig and the cell's shapes.
+
+    With an estimated rig, its errors are part of the surface's: points are compared in the robot's base.
+    """
+    rig = estimated or scene.rig
+    robot = SimRobot(scene, tissue)
+    with stages.stage("cameras"):
+        camera = SimStereoCamera(scene, robot)
+    with closing(camera):
+        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False))
+    table = record.trajectory(result.log, result.plan.motion, robot.X_FP)
+    with stages.stage("truth"):
+        truth, log = Truth(scene.phantom, tissue), robot.truth_log()
+        places = error_analysis.contact_places(table, log, tissue, truth)
+        table = error_analysis.with_truth(table, log, places)
+        against_truth = _against_truth(result, rig, scene, truth)
+        executed = error_analysis.execution_metrics(places, scene.X_BS, truth)
+        forces = error_analysis.force_metrics(table, config.contact.force)
+    without_truth = metrics.of_execution(table, result.plan.feed, result.wall_s["execution"])
+    return Measured(result=result, trajectory=table, metrics=against_truth | without_truth | executed | forces)
+
+
+def _against_truth(result: ScanResult, rig: StereoRig, scene: Scene, truth: Truth) -> dict[str, Any]:
+    assert rig.X_BL is not None, "a scan needs the rig's place in the base"
+    X_SL = se3.inverse(scene.X_BS) @ rig.X_BL
+    surface = error_analysis.surface_metrics(result.reconstruction, rig, X_SL, truth)
+    calibration = {} if rig is scene.rig else rig_errors(rig, scene.rig)
+    return surface | calibration | error_analysis.path_metrics(result.plan.path, scene.X_BS, truth)
+
+
+def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None:
+    """Everything but metrics, video and page."""
+    result = measured.result
+    record.write_json(folder / "config.json", {**settings, "versions": record.versions()})
+    record.write_image(folder / "left.png", result.images.left)
+    record.write_image(folder / "right.png", result.images.right)
+    record.write_image(folder / "disparity.png", record.disparity_picture(result.reconstruction.disparity))
+    record.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
+    record.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
+    measured.trajectory.write_parquet(folder / "trajectory.parquet")
+
+
+def _footage(table: pl.DataFrame) -> Footage:
+    return Footage(
+        time=table["t"].to_numpy(),
+        q=table["q"].to_numpy(),
+        force=table["true_force"].to_numpy(),
+        phase=table["phase"].to_list(),
+    )
+
+
+def _warn_beyond_linear(values: dict[str, Any], console: Console) -> None:
+    depth_mm, limit_mm = values["indentation_max_mm"], error_analysis.LINEAR_LIMIT * 1e3
+    if depth_mm > limit_mm:
+        console.print(
+            f"[yellow]The skin was indented by {depth_mm:.1f} mm. The tissue's linear elasticity holds to "
+            f"{limit_mm:.0f} mm, beyond it the forces are unreliable: lower --plan.contact.force, or stiffen the "
+            "phantom with --scene.phantom.young.[/]"
+        )
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description:<14}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(), console=console,
+    )  # fmt: skip
+
+
+class _Bar:
+    """One line of progress for each stage."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._tasks: dict[str, TaskID] = {}
+
+    def __call__(self, stage: str, share: float) -> None:
+        if stage not in self._tasks:
+            self._tasks[stage] = self._progress.add_task(stage, total=1.0)
+        self._progress.update(self._tasks[stage], completed=share)

@@ -1,0 +1,173 @@
+"""The main job as a user runs it: one scan of the default phantom, held to what the README claims."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import polars as pl
+import pytest
+from rich.console import Console
+
+from breastscan.errors import CalibrationError, PerceptionError, PlanningError
+from breastscan.robot.interface import Robot, StereoCamera, StereoPair
+from breastscan.scan import ScanConfig, Stages, perceive
+from breastscan.vision.camera import StereoRig
+from experiments import scan_twin
+from sim.camera import SimStereoCamera
+from sim.robot import SimRobot
+from sim.scene import Scene, SceneConfig
+
+FILES = {
+    "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
+    "trajectory.parquet", "report.html",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("scan")
+    quiet = Console(quiet=True)
+    scan_twin.run(out, seed=0, video=False, config=ScanConfig(), scene_config=SceneConfig(), console=quiet)
+    return out
+
+
+@pytest.fixture(scope="module")
+def metrics(folder):
+    return json.loads((folder / "metrics.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def trajectory(folder):
+    return pl.read_parquet(folder / "trajectory.parquet")
+
+
+def test_the_folder_is_complete_and_holds_nothing_else(folder):
+    assert {path.name for path in folder.iterdir()} == FILES
+
+
+@pytest.mark.parametrize(
+    ("name", "at_most"),
+    [
+        ("surface_rmse_mm", 0.5),
+        ("normal_mean_deg", 2.0),
+        ("path_surface_rmse_mm", 0.5),
+        ("executed_truth_rms_mm", 1.5),
+        ("tracking_tangential_rmse_mm", 0.6),
+        ("force_rmse_n", 0.5),
+        ("force_peak_n", 8.0),
+        ("indentation_max_mm", 8.0),
+        ("speed_fluctuation_pct", 1e-6),
+    ],
+)
+def test_every_error_stays_below_its_bar(metrics, name, at_most):
+    assert metrics[name] <= at_most
+
+
+def test_the_skin_is_seen_densely_and_the_probe_never_leaves_it(metrics):
+    assert metrics["surface_density"] >= 0.95
+    assert metrics["contact_fraction"] == 1.0
+    assert metrics["force_min_n"] > 2.5
+
+
+def test_the_log_runs_at_500_hz_without_a_gap(trajectory):
+    np.testing.assert_allclose(np.diff(trajectory["t"].to_numpy()), 0.002, atol=1e-9)
+
+
+def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
+    loop = trajectory.filter(pl.col("phase") == "loop")
+    q, target, q_plan = (loop[name].to_numpy() for name in ("q", "target", "q_plan"))
+    assert np.abs(q - target).max() > 0.0
+    assert np.abs(q - target).max() < 0.01
+    assert np.abs(target - q_plan).max() > 0.005  # the force controller moved the targets by the indentation
+    numeric = np.gradient(q, 0.002, axis=0)
+    assert np.abs(numeric - loop["qd"].to_numpy())[2:-2].max() < 0.02
+
+
+def test_the_loop_is_closed_and_lies_around_the_breast(trajectory):
+    loop = trajectory.filter(pl.col("phase") == "loop")
+    tip = loop["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 3]
+    np.testing.assert_allclose(tip[0], tip[-1], atol=1e-6)
+    assert 0.3 < loop["s"][-1] < 0.5
+    assert np.ptp(tip[:, 2]) < 1e-3
+
+
+def test_true_and_measured_force_agree_within_the_sensors_noise(trajectory):
+    loop = trajectory.filter(pl.col("phase") == "loop")
+    error = -loop["wrench"].to_numpy()[:, 2] - loop["true_force"].to_numpy()
+    assert abs(error.mean()) < 0.03
+    assert error.std() < 0.08
+
+
+def test_the_settings_of_a_run_are_written_with_versions_and_seed(folder):
+    config = json.loads((folder / "config.json").read_text())
+    assert config["seed"] == 0
+    assert config["scan"]["contact"]["force"] == 5.0
+    assert "mujoco" in config["versions"]
+
+
+def test_the_twin_keeps_the_protocols():
+    scene = Scene(SceneConfig())
+    assert isinstance(SimRobot(scene), Robot)
+    assert isinstance(SimStereoCamera(scene), StereoCamera)
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return Scene(SceneConfig()).rig
+
+
+def test_images_of_different_sizes_are_refused(rig):
+    pair = StereoPair(left=np.zeros((1024, 1280), np.uint8), right=np.zeros((960, 1280), np.uint8), time=0.0)
+    with pytest.raises(PerceptionError, match="1280x960"):
+        perceive(pair, rig, ScanConfig(), Stages())
+
+
+def test_an_image_without_a_breast_is_refused(rig):
+    noise = np.random.default_rng(0).integers(100, 140, (1024, 1280), dtype=np.uint8)
+    pair = StereoPair(left=noise, right=np.roll(noise, -120, axis=1), time=0.0)
+    with pytest.raises(PerceptionError, match="expected a breast"):
+        perceive(pair, rig, ScanConfig(), Stages())
+
+
+@pytest.mark.parametrize(
+    ("scene", "error"),
+    [
+        (lambda tmp: SceneConfig(p_BS=(0.62, 0.0, 0.20), mount_angle=0.0), PlanningError),
+        (lambda tmp: SceneConfig(rig=tmp / "missing.yaml"), CalibrationError),
+    ],
+)
+def test_a_scan_that_cannot_be_made_leaves_earlier_results_whole(tmp_path, scene, error):
+    (tmp_path / "metrics.json").write_text("earlier")
+    with pytest.raises(error):
+        scan_twin.run(
+            tmp_path,
+            seed=0,
+            video=False,
+            config=ScanConfig(),
+            scene_config=scene(tmp_path),
+            console=Console(quiet=True),
+        )
+    assert [path.name for path in tmp_path.iterdir()] == ["metrics.json"]
+    assert (tmp_path / "metrics.json").read_text() == "earlier"
+
+
+def test_a_file_that_is_not_a_rig_is_named(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text("not a rig")
+    with pytest.raises(CalibrationError, match=r"rig\.yaml is not a rig file"):
+        StereoRig.load(path)
+
+
+def test_ctrl_c_ends_the_program_with_status_130_and_leaves_nothing_half_done(tmp_path, folder):
+    command = [sys.executable, "-m", "breastscan", "scan", "--no-video", "--out", str(tmp_path)]
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    while not any(tmp_path.iterdir()):  # the staging folder appears when the scan starts
+        time.sleep(0.2)
+    time.sleep(2.0)
+    child.send_signal(signal.SIGINT)
+    _, errors = child.communicate(timeout=60)
+    assert child.returncode == 130, errors
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,131 @@
+"""Both calibrations from folders on disk: what they write, and what they say of damaged input."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from breastscan import calibrate, cli, shots
+from breastscan.errors import CalibrationError, PerceptionError
+from breastscan.geometry import se3
+from breastscan.robot.interface import StereoPair
+from breastscan.vision.camera import StereoRig
+from tests.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
+
+X_FBOARD = se3.pose(np.eye(3), np.array([-0.27, -0.05, 0.12]))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return make_rig(distorted=False)
+
+
+def write_pictures(folder, rig, X_LBoard):
+    for number, X in enumerate(X_LBoard):
+        pair = StereoPair(left=picture(rig.left, X), right=picture(rig.right, rig.X_RL @ X), time=0.0)
+        shots.write_shot(folder, f"{number:02d}", pair)
+
+
+@pytest.fixture(scope="module")
+def board_folder(rig, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shots")
+    write_pictures(folder, rig, poses_in_view(rig, 16, np.random.default_rng(0)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def flange_folder(rig, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("poses")
+    X_BF = flange_poses(rig, X_FBOARD, 14, np.random.default_rng(0))
+    write_pictures(folder, rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBOARD)
+    shots.write_poses(folder, {f"{number:02d}": X for number, X in enumerate(X_BF)})
+    return folder
+
+
+def test_a_folder_of_shots_becomes_a_rig_with_its_residuals_and_figures(rig, board_folder, tmp_path):
+    metrics = calibrate.calibrate_rig(board_folder, tmp_path, BOARD)
+    found = StereoRig.load(tmp_path / "rig.yaml")
+    assert metrics["calibration_reprojection_px"] < 0.15
+    assert abs(found.baseline - rig.baseline) * 1e3 < 0.3
+    expected = {"residuals.csv", "metrics.json", "left_camera_info.yaml", "right_camera_info.yaml", "corners.png",
+                "residuals.png", "boards.png", "rectified.png"}  # fmt: skip
+    assert expected <= {path.name for path in tmp_path.iterdir()}
+    assert len((tmp_path / "residuals.csv").read_text().splitlines()) == 17
+
+
+def test_a_folder_with_poses_becomes_the_cameras_place(rig, flange_folder, tmp_path):
+    calibrate.calibrate_hand_eye(flange_folder, tmp_path, rig, BOARD)
+    X_LL = se3.inverse(rig.X_BL) @ StereoRig.load(tmp_path / "rig.yaml").X_BL
+    assert np.linalg.norm(X_LL[:3, 3]) * 1e3 < 0.5
+    assert {"poses.png", "frames.png", "residuals.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_poses_survive_their_file(tmp_path):
+    X_BF = flange_poses(make_rig(), X_FBOARD, 3, np.random.default_rng(1))
+    shots.write_poses(tmp_path, dict(zip("abc", X_BF, strict=True)))
+    np.testing.assert_allclose(np.stack(list(shots.read_poses(tmp_path).values())), X_BF, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "content", ["", "name,x_m\n00,1\n", "name,x_m,y_m,z_m,rx_rad,ry_rad,rz_rad\n00,a,0,0,0,0,0\n",
+                "name,x_m,y_m,z_m,rx_rad,ry_rad,rz_rad\n00,nan,0,0,0,0,0\n"],
+)  # fmt: skip
+def test_damaged_poses_are_refused_by_the_files_name(content, tmp_path):
+    (tmp_path / "poses.csv").write_text(content)
+    with pytest.raises(CalibrationError, match=r"poses\.csv"):
+        shots.read_poses(tmp_path)
+
+
+def test_missing_poses_and_missing_rows_are_named(rig, board_folder, tmp_path):
+    with pytest.raises(CalibrationError, match=r"no poses\.csv"):
+        shots.read_poses(board_folder)
+    write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
+    shots.write_poses(tmp_path, {"00": np.eye(4)})
+    with pytest.raises(CalibrationError, match="no row for 01"):
+        calibrate.calibrate_hand_eye(tmp_path, tmp_path / "out", rig, BOARD)
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(CalibrationError, match="NAME_left"):
+        shots.read_shots(tmp_path, BOARD)
+
+
+def test_pictures_without_a_board_are_refused_and_nothing_is_written(tmp_path):
+    black = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    shots.write_shot(tmp_path, "00", StereoPair(left=black, right=black, time=0.0))
+    out = tmp_path / "out"
+    with pytest.raises(CalibrationError, match="none of the 1 shots"):
+        calibrate.calibrate_rig(tmp_path, out, BOARD)
+    assert list(out.iterdir()) == []
+
+
+def test_a_damaged_or_missing_picture_is_named(rig, tmp_path):
+    write_pictures(tmp_path, rig, poses_in_view(rig, 1, np.random.default_rng(0)))
+    (tmp_path / "00_right.png").write_bytes(b"not a picture")
+    with pytest.raises(PerceptionError, match="00_right"):
+        shots.read_shots(tmp_path, BOARD)
+    (tmp_path / "00_right.png").unlink()
+    with pytest.raises(PerceptionError, match="00_right"):
+        shots.read_shots(tmp_path, BOARD)
+
+
+def test_pictures_of_another_size_are_named(rig, tmp_path):
+    write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
+    cv2.imwrite(str(tmp_path / "01_left.png"), np.zeros((100, 120), np.uint8))
+    with pytest.raises(CalibrationError, match=r"01_left.*120x100"):
+        shots.read_shots(tmp_path, BOARD)
+
+
+def test_a_rig_of_another_resolution_is_refused(rig, flange_folder, tmp_path):
+    larger = replace(rig, left=replace(rig.left, width=1280, height=1024))
+    with pytest.raises(CalibrationError, match="1280x1024"):
+        calibrate.calibrate_hand_eye(flange_folder, tmp_path, larger, BOARD)
+
+
+@pytest.mark.parametrize("arguments", [[], ["folder", "--twin"]])
+def test_the_command_takes_either_a_folder_or_the_twin(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["calibrate", *arguments])
+    assert caught.value.code == 1
+    assert "either a folder of shots or --twin" in capsys.readouterr().err

@@ -1,0 +1,30 @@
+import pytest
+
+from breastscan import doctor
+from breastscan.errors import ConfigError
+
+
+def test_rendering_works_here_or_the_cure_names_the_packages(monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    rendering = doctor.examine()[0]
+    assert rendering.works, rendering.cure
+
+
+def test_a_machine_without_opengl_is_told_what_to_install(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "nonsense")
+    rendering = doctor.examine()[0]
+    assert not rendering.works
+    with pytest.raises(ConfigError, match="libegl1"):
+        doctor.require_needed([rendering])
+
+
+def test_what_a_scan_can_do_without_does_not_fail():
+    doctor.require_needed([doctor.Finding("Vulkan", False, "no loader", "install it", needed=False)])
+
+
+def test_an_unwritable_cache_is_found_and_its_variable_named(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    finding = next(f for f in doctor.examine() if "kernels" in f.what)
+    assert not finding.works
+    assert "NUMBA_CACHE_DIR" in finding.cure

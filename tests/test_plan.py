@@ -1,0 +1,108 @@
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+import pytest
+import trimesh
+
+from breastscan import plan, record
+from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
+from breastscan.geometry import se3
+from sim.probe import tip_pose
+
+CENTRE_B, RADIUS, HEIGHT = np.array([0.5, 0.0, 0.08]), 0.075, 0.055
+
+
+def dome() -> tuple[np.ndarray, np.ndarray]:
+    """Points and normals of half an ellipsoid on a plate at 80 mm."""
+    k = np.arange(4000) + 0.5
+    z, turn = k / len(k), np.pi * (1 + np.sqrt(5)) * k
+    unit = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+    axes = np.array([RADIUS, RADIUS, HEIGHT])
+    normals = unit / axes
+    return CENTRE_B + axes * unit, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def cloud(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cloud") / "cloud.ply"
+    record.write_cloud(path, *dome())
+    return path
+
+
+def test_a_cloud_becomes_a_loop_at_half_height_with_its_program(tmp_path, cloud):
+    planned = plan.plan(cloud, tmp_path, plan.PlanConfig(), urscript=True)
+    heights_mm = 1e3 * (planned.feed.positions[:, 2] - CENTRE_B[2])
+    np.testing.assert_allclose(heights_mm, 1e3 * HEIGHT / 2, atol=0.5)
+    ring_mm = 1e3 * np.linalg.norm((planned.feed.positions - CENTRE_B)[:, :2], axis=1)
+    np.testing.assert_allclose(ring_mm, 1e3 * RADIUS * np.sqrt(0.75), atol=0.5)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"path.csv", "trajectory.csv", "trajectory.json", "path.script"}
+
+
+def test_the_path_of_a_plan_gives_the_same_plan_again(tmp_path, cloud):
+    first = plan.plan(cloud, tmp_path / "first", plan.PlanConfig(), urscript=False)
+    again = plan.plan(tmp_path / "first" / "path.csv", tmp_path / "again", plan.PlanConfig(), urscript=False)
+    np.testing.assert_allclose(again.feed.positions[::500], first.feed.positions[::500], atol=1e-6)
+    assert not (tmp_path / "again" / "path.script").exists()
+
+
+def test_the_plate_may_lie_lower_than_the_cloud(tmp_path, cloud):
+    config = plan.PlanConfig(plate_height=0.07)
+    planned = plan.plan(cloud, tmp_path, config, urscript=False)
+    np.testing.assert_allclose(planned.feed.positions[:, 2] * 1e3, 70.0 + 32.5, atol=0.5)
+
+
+def test_the_default_tool_is_the_twins():
+    tcp = np.array(plan.PlanConfig().tcp)
+    np.testing.assert_allclose(se3.from_rotation_vector(tcp[3:], tcp[:3]), tip_pose(np.pi / 4), atol=1e-7)
+
+
+def table(**changes: list) -> pl.DataFrame:
+    columns = {name: [0.0, 0.1, 0.2, 0.3] for name in ("x_m", "y_m", "z_m")}
+    columns |= {"nx": [0.0] * 4, "ny": [0.0] * 4, "nz": [1.0] * 4}
+    return pl.DataFrame(columns | changes)
+
+
+@pytest.mark.parametrize(
+    ("rows", "error", "why"),
+    [
+        (table().drop("nz"), ConfigError, "lacks the columns nz"),
+        (table(x_m=["a", "b", "c", "d"]), PlanningError, "point 1 of"),
+        (table(y_m=[0.0, 0.1, float("inf"), 0.3]), PlanningError, "point 3 of"),
+        (table(nz=[1.0, 1.0, 1.0, 2.0]), PlanningError, "point 4 of .* normal of length 1"),
+    ],
+)
+def test_a_path_that_is_none_says_which_point_or_column(tmp_path, rows, error, why):
+    rows.write_csv(tmp_path / "path.csv")
+    with pytest.raises(error, match=why):
+        plan.read_path(tmp_path / "path.csv")
+
+
+@pytest.mark.parametrize("points", [3, 5])
+def test_too_few_or_repeated_points_are_refused(tmp_path, points):
+    rows = pl.concat([table()[:3]] * 2)[:points]
+    rows.write_csv(tmp_path / "path.csv")
+    with pytest.raises(BreastScanError, match="point"):
+        plan.plan(tmp_path / "path.csv", tmp_path / "out", plan.PlanConfig(), urscript=False)
+
+
+def test_a_cloud_without_normals_is_refused(tmp_path):
+    (tmp_path / "cloud.ply").write_bytes(trimesh.PointCloud(dome()[0]).export(file_type="ply"))
+    with pytest.raises(ConfigError, match="no points with normals"):
+        plan.read_cloud(tmp_path / "cloud.ply")
+
+
+@pytest.mark.parametrize("name", ["cloud.ply", "path.csv"])
+def test_missing_and_damaged_files_are_named(tmp_path, name):
+    with pytest.raises(ConfigError, match="no file at"):
+        plan.plan(tmp_path / name, tmp_path / "out", plan.PlanConfig(), urscript=False)
+    (tmp_path / name).write_bytes(b"\x00\x01 nothing of the kind")
+    with pytest.raises(ConfigError, match=name):
+        plan.plan(tmp_path / name, tmp_path / "out", plan.PlanConfig(), urscript=False)
+
+
+def test_a_calibration_that_is_none_stops_the_plan(tmp_path, cloud):
+    config = replace(plan.PlanConfig(), calibration=tmp_path / "calibration.conf")
+    with pytest.raises(CalibrationError, match=r"calibration\.conf"):
+        plan.plan(cloud, tmp_path / "out", config, urscript=False)
