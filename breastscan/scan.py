@@ -16,7 +16,7 @@ from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import CalibrationError
+from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
@@ -24,7 +24,7 @@ from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
 from breastscan.robot.interface import Robot, StereoCamera, StereoPair
-from breastscan.vision import refine, stereo, triangulation
+from breastscan.vision import pair_check, refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.refine import RefineConfig
 from breastscan.vision.stereo import StereoConfig
@@ -148,10 +148,16 @@ def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Sta
     """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
     with stages.stage("rectification"):
         pair = rig.rectify(images.left, images.right)
+        pair_check.check_exposure(images.left, "the left image")
+        pair_check.check_exposure(images.right, "the right image")
     with stages.stage("stereo"):
         matched = stereo.disparity_map(pair.left, pair.right, config.stereo)
     with stages.stage("segmentation"):
-        breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
+        try:
+            breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
+        except PerceptionError:
+            pair_check.check_order(matched, _matched_exchanged(images, rig, config.stereo))  # a better reason, perhaps
+            raise
     with stages.stage("refinement"):
         disparity = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine).disparity
     with stages.stage("cloud"):
@@ -167,6 +173,14 @@ def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Sta
     return Reconstruction(
         pair=pair, disparity=disparity, breast=breast, points_L=points_L, sampled_L=sampled_L, normals_L=normals_L
     )
+
+
+def _matched_exchanged(images: StereoPair, rig: StereoRig, config: StereoConfig) -> Float32[np.ndarray, "h w"]:
+    """Disparity of the pair taken the other way round [px]; where a camera's size differs that is no pair at all."""
+    if images.left.shape != images.right.shape:
+        return np.full(images.left.shape, np.nan, np.float32)
+    pair = rig.rectify(images.right, images.left)
+    return stereo.disparity_map(pair.left, pair.right, config)
 
 
 def plan_scan(

@@ -1,11 +1,13 @@
 """An exact stereo pair of a breast-like dome, cast ray by ray without a renderer: ground truth for the vision code.
 
 A spherical cap stands on a flat chest plate above a table. The cameras are ideal, rectified pinholes that look straight
-down on it. All three surfaces carry one speckle texture, laid out along arc length so that it is not stretched.
+down on it. All three surfaces carry one texture, laid out along arc length so that it is not stretched.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,6 +20,10 @@ TEXTURE_PITCH = 0.2e-3
 TEXTURE_CELLS = 2048
 FINEST_GRAIN, COARSEST_GRAIN = 0.7e-3, 4e-3
 """Standard deviations of the blurs that bound the speckle's size [m]."""
+FINEST_PORE, LARGEST_PATCH = 0.5e-3, 10e-3
+"""Bounds of the sizes on skin [m], as blur and as inverse angular frequency."""
+SKIN_DECAY = 1.2
+"""Power of the frequency with which the contrast of skin falls off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +49,8 @@ class DomeScene:
     """Mean grey level of a face that looks at the camera."""
     contrast: float = 0.12
     """Standard deviation of the texture over its mean."""
+    texture: Literal["speckle", "skin"] = "speckle"
+    """Grains of one size, or of all sizes as on skin."""
     samples: int = 3
     """Rays a pixel, along each axis."""
 
@@ -117,7 +125,7 @@ class DomeScene:
     def _view(self, eye: Float[np.ndarray, "3"]) -> Float[np.ndarray, "h w"]:
         """Grey levels without noise: the mean over `samples` squared rays a pixel."""
         steps = (np.arange(self.samples) + 0.5) / self.samples - 0.5
-        texture = speckle(seed=3)
+        texture = grains(TEXTURE_SPECTRA[self.texture], seed=3)
         view = np.zeros((self.height_px, self.width_px))
         for dy in steps:
             for dx in steps:
@@ -157,17 +165,33 @@ class DomeScene:
         return self.brightness * (0.4 + 0.6 * facing) * (1 + self.contrast * grain)
 
 
-def speckle(seed: int) -> Float[np.ndarray, "n n"]:
-    """Periodic band-limited noise of unit standard deviation."""
+def _speckle_spectrum(frequency: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    return np.exp(-0.5 * (frequency * FINEST_GRAIN) ** 2) - np.exp(-0.5 * (frequency * COARSEST_GRAIN) ** 2)
+
+
+def _skin_spectrum(frequency: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    pores = np.exp(-0.5 * (frequency * FINEST_PORE) ** 2)
+    return pores / (frequency + 1 / LARGEST_PATCH) ** SKIN_DECAY
+
+
+TEXTURE_SPECTRA = {"speckle": _speckle_spectrum, "skin": _skin_spectrum}
+"""Amplitude against angular frequency [rad/m]."""
+
+
+def grains(
+    spectrum: Callable[[Float[np.ndarray, "n m"]], Float[np.ndarray, "n m"]], seed: int
+) -> Float[np.ndarray, "n n"]:
+    """Periodic noise of this amplitude spectrum, of zero mean and unit standard deviation."""
     rng = np.random.default_rng(seed)
-    spectrum = np.fft.rfft2(rng.standard_normal((TEXTURE_CELLS, TEXTURE_CELLS)))
+    noise = np.fft.rfft2(rng.standard_normal((TEXTURE_CELLS, TEXTURE_CELLS)))
     frequency = (
         2
         * np.pi
         * np.hypot(np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_PITCH)[:, None], np.fft.rfftfreq(TEXTURE_CELLS, TEXTURE_PITCH))
     )
-    band = np.exp(-0.5 * (frequency * FINEST_GRAIN) ** 2) - np.exp(-0.5 * (frequency * COARSEST_GRAIN) ** 2)
-    texture = np.fft.irfft2(spectrum * band, s=(TEXTURE_CELLS, TEXTURE_CELLS))
+    amplitude = spectrum(frequency)
+    amplitude[0, 0] = 0.0
+    texture = np.fft.irfft2(noise * amplitude, s=(TEXTURE_CELLS, TEXTURE_CELLS))
     return (texture / texture.std()).astype(np.float32)
 
 

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
+NEGLIGIBLE_WAY = 1e-12
+"""Joint motion that is done in one step [rad]."""
+
 
 def trapezoid(
     start: Float[np.ndarray, "6"], end: Float[np.ndarray, "6"], speed: float, acceleration: float, period: float
@@ -19,7 +22,8 @@ def trapezoid(
         period: Time between targets [s].
     """
     way = float(np.abs(end - start).max())
-    if way == 0:
+    if way < NEGLIGIBLE_WAY:
+        yield end
         return
     ramp_time = min(speed / acceleration, np.sqrt(way / acceleration))
     top_speed = acceleration * ramp_time

@@ -51,6 +51,13 @@ def product(a, b):
 
 
 @kernel
+def _add_multiple(target, factor, source):
+    """`target += factor * source`, in a loop that the compiler turns into vector instructions."""
+    for k in range(target.size):
+        target[k] += factor * source[k]
+
+
+@kernel
 def _factorize(matrix):
     size, band = matrix.shape
     for j in range(size):
@@ -58,8 +65,7 @@ def _factorize(matrix):
             return False
         matrix[j] /= np.sqrt(matrix[j, 0])
         for i in range(1, min(band, size - j)):
-            for k in range(i, band):
-                matrix[j + i, k - i] -= matrix[j, i] * matrix[j, k]
+            _add_multiple(matrix[j + i, : band - i], -matrix[j, i], matrix[j, i:])
     return True
 
 
@@ -80,17 +86,17 @@ def _substitute(factor, x):
 def _invert_within_band(factor, inverse):
     """Row by row from the last: Z U^T = U^-1 is upper triangular with 1 / U_jj on its diagonal."""
     size, band = factor.shape
+    rows = np.zeros((size, 2 * band - 1))  # of Z, entry (j, j + k) at [j, diagonal + k] on both sides of the diagonal
+    diagonal = band - 1
     product_row = np.empty(band)
     for j in range(size - 1, -1, -1):
         reach = min(band, size - j)
         product_row[:] = 0.0  # of the known block of Z below and right of j with row j of U
         for i in range(1, reach):
-            product_row[i] += inverse[j + i, 0] * factor[j, i]
-            for k in range(i + 1, reach):
-                product_row[k] += inverse[j + i, k - i] * factor[j, i]
-                product_row[i] += inverse[j + i, k - i] * factor[j, k]
-        diagonal = 1.0 / factor[j, 0]
+            _add_multiple(product_row[1:], factor[j, i], rows[j + i, diagonal + 1 - i : diagonal + band - i])
         for k in range(1, reach):
-            inverse[j, k] = -product_row[k] * diagonal
+            inverse[j, k] = -product_row[k] / factor[j, 0]
+            rows[j, diagonal + k] = rows[j + k, diagonal - k] = inverse[j, k]
             product_row[0] += inverse[j, k] * factor[j, k]
-        inverse[j, 0] = (diagonal - product_row[0]) * diagonal
+        inverse[j, 0] = (1.0 / factor[j, 0] - product_row[0]) / factor[j, 0]
+        rows[j, diagonal] = inverse[j, 0]

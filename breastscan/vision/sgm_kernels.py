@@ -6,6 +6,7 @@ Index e of a cost row stands for disparity `largest_disparity - e`: so the right
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import UInt8
 
 from breastscan.vision.census import PLANES, hamming
 from breastscan.vision.lanes import (
@@ -13,11 +14,8 @@ from breastscan.vision.lanes import (
     add_saturated,
     first_equal,
     kernel,
-    lanes_above,
-    lanes_below,
     load,
     minimum,
-    smallest,
     splat,
     store,
     widened,
@@ -43,75 +41,98 @@ class Matching(NamedTuple):
     """Sub-pixel fit by two lines of opposite slope, else by a parabola."""
 
 
-@kernel
-def begin_line(path_costs, floors, line, disparities):
-    """A line's first pixel has no predecessor: its path cost will be the matching cost."""
-    floors[line] = 0
-    for e in range(0, disparities, LANES):
-        store(path_costs, line * disparities + e, splat(np.uint8(0)))
+class Front(NamedTuple):
+    """Where a sweep stands: the path costs of one image row, for each of the directions that come from the row behind.
 
-
-@kernel
-def matching_cost(left, right, x, cost, disparities):
-    """C(p, d): the Hamming distances of the census strings [Zhang, Eq. 3], into `cost`."""
-    n, m = left.size // PLANES, right.size // PLANES
-    l0, l1, l2, l3 = splat(left[x]), splat(left[x + n]), splat(left[x + 2 * n]), splat(left[x + 3 * n])
-    l4, l5, l6, l7 = splat(left[x + 4 * n]), splat(left[x + 5 * n]), splat(left[x + 6 * n]), splat(left[x + 7 * n])
-    for e in range(0, disparities, LANES):
-        r = x + e
-        distance = hamming(
-            l0 ^ load(right, r),
-            l1 ^ load(right, r + m),
-            l2 ^ load(right, r + 2 * m),
-            l3 ^ load(right, r + 3 * m),
-            l4 ^ load(right, r + 4 * m),
-            l5 ^ load(right, r + 5 * m),
-            l6 ^ load(right, r + 6 * m),
-            l7 ^ load(right, r + 7 * m),
-        )
-        store(cost, e, distance)
-
-
-@kernel
-def advance(path_costs, floors, line, cost, sums, sums_start, disparities, matching):
-    """One line, one pixel onwards: its path costs become L_r(p, d) [Zhang, Eq. 4], and `sums` gain L_r - C."""
-    start = line * disparities
-    floor, jump = splat(floors[line]), splat(np.uint8(floors[line] + matching.P2))
-    before, here, lowest = splat(NO_PATH), load(path_costs, start), splat(NO_PATH)
-    for e in range(0, disparities, LANES):
-        after = load(path_costs, start + e + LANES) if e + LANES < disparities else splat(NO_PATH)
-        beside = minimum(lanes_below(before, here), lanes_above(here, after))
-        rise = minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - floor
-        path_cost = load(cost, e) + rise
-        store(path_costs, start + e, path_cost)
-        store(sums, sums_start + e, load(sums, sums_start + e) + rise)
-        lowest = minimum(lowest, path_cost)
-        before, here = here, after
-    floors[line] = smallest(lowest)
-
-
-@kernel
-def complete(cost, stored, start, sums, totals, right_best, x, disparities, paths):
-    """S(p, d), the sum of all paths [Zhang, Eq. 5], from the sums of both sweeps; gives the winner [Zhang, Eq. 6].
-
-    Clears `sums` for the next pixel, and lowers the best totals of the right pixels that this one was compared with.
+    A line's path costs fill a slot of their own, with `NO_PATH` before and after them, so that d - 1 and d + 1 can be
+    loaded like d. Every direction has a slot for each pixel and one off either end of the row, whose costs stay 0: a
+    line that enters the image has no predecessor, and its first path cost is the matching cost.
     """
-    lowest = splat(WORST_TOTAL)
-    for e in range(0, disparities, LANES):
-        twice = widened(load(cost, e)) + widened(load(cost, e))
-        quadruple = twice + twice
-        matching_costs = quadruple + quadruple if paths == 8 else quadruple
-        total = widened(load(stored, start + e)) + widened(load(sums, e)) + matching_costs
-        store(totals, start + e, total)
-        store(sums, e, splat(np.uint8(0)))
-        store(right_best, x + e, minimum(load(right_best, x + e), total))
-        lowest = minimum(lowest, total)
-    least = splat(smallest(lowest))
-    winner = 0
-    for e in range(disparities - LANES, -1, -LANES):  # backwards, so that the first of equals, the nearest, stays
+
+    path_costs: UInt8[np.ndarray, "n"]
+    floors: UInt8[np.ndarray, "slots"]
+    """The least path cost in each slot."""
+
+
+@kernel
+def slot_start(slot, disparities):
+    """Where the path costs of a slot begin in a `Front`."""
+    return LANES + slot * (disparities + LANES)
+
+
+@kernel
+def census_string(planes, x):
+    """The eight bytes of the string at x, each in all lanes."""
+    n = planes.size // PLANES
+    return (
+        splat(planes[x]),
+        splat(planes[x + n]),
+        splat(planes[x + 2 * n]),
+        splat(planes[x + 3 * n]),
+        splat(planes[x + 4 * n]),
+        splat(planes[x + 5 * n]),
+        splat(planes[x + 6 * n]),
+        splat(planes[x + 7 * n]),
+    )
+
+
+@kernel
+def matching_cost(string, planes, x):
+    """C(p, d): the Hamming distances [Zhang, Eq. 3] of `string` and those at x and the 31 pixels after it."""
+    n = planes.size // PLANES
+    b0, b1, b2, b3, b4, b5, b6, b7 = string
+    return hamming(
+        b0 ^ load(planes, x),
+        b1 ^ load(planes, x + n),
+        b2 ^ load(planes, x + 2 * n),
+        b3 ^ load(planes, x + 3 * n),
+        b4 ^ load(planes, x + 4 * n),
+        b5 ^ load(planes, x + 5 * n),
+        b6 ^ load(planes, x + 6 * n),
+        b7 ^ load(planes, x + 7 * n),
+    )
+
+
+@kernel
+def rise_over(here, beside, floor, matching):
+    """L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the line.
+
+    Args:
+        here: Its path costs at d.
+        beside: The smaller ones of those at d - 1 and d + 1.
+        floor: Its least path cost.
+        matching: The penalties.
+    """
+    jump = splat(np.uint8(floor + matching.P2))
+    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - splat(floor)
+
+
+@kernel
+def advance(behind, source, ahead, target, e, cost, lowest, disparities, matching):
+    """One line, one pixel onwards: stores L_r(p, d) in slot `target`, gives L_r - C and the least L_r so far."""
+    start = slot_start(source, disparities) + e
+    beside = minimum(load(behind.path_costs, start - 1), load(behind.path_costs, start + 1))
+    rise = rise_over(load(behind.path_costs, start), beside, behind.floors[source], matching)
+    store(ahead.path_costs, slot_start(target, disparities) + e, cost + rise)
+    return rise, minimum(lowest, cost + rise)
+
+
+@kernel
+def total_cost(cost, rises, stored_rises, paths):
+    """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's paths add to it."""
+    twice = widened(cost) + widened(cost)
+    quadruple = twice + twice
+    return widened(rises) + widened(stored_rises) + (quadruple + quadruple if paths == 8 else quadruple)
+
+
+@kernel
+def first_index(totals, start, disparities, least):
+    """Index of the first total equal to `least` [Zhang, Eq. 6]: of equal ones the nearest surface."""
+    index = 0
+    for e in range(disparities - LANES, -1, -LANES):
         lane = first_equal(load(totals, start + e), least)
-        winner = e + lane if lane < LANES else winner
-    return winner
+        index = e + lane if lane < LANES else index
+    return index
 
 
 @kernel

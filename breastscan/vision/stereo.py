@@ -101,23 +101,38 @@ def median_of_known(disparity: Float32[np.ndarray, "h w"], size: int) -> Float32
     if size == 1:
         return disparity
     # OpenCV's filter is fast but knows no NaN; windows that hold one are done again.
-    filtered = cv2.medianBlur(np.nan_to_num(disparity), size)
     unknown = np.isnan(disparity)
+    filtered = cv2.medianBlur(np.where(unknown, np.float32(0), disparity), size)
     near_unknown = cv2.dilate(unknown.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=1)
-    _median_of_known_at(np.argwhere((near_unknown > 0) & ~unknown), disparity, size // 2, filtered)
-    filtered[unknown] = np.nan
+    _median_of_known_where(near_unknown, disparity, size // 2, filtered)
     return filtered
 
 
 @kernel
-def _median_of_known_at(pixels, disparity, half, filtered):
+def _median_of_known_where(redone, disparity, half, filtered):
     height, width = disparity.shape
-    known = np.empty((2 * half + 1) ** 2, np.float32)
-    for y, x in pixels:
-        count = 0
-        for v in range(max(y - half, 0), min(y + half + 1, height)):
-            for u in range(max(x - half, 0), min(x + half + 1, width)):
-                if not np.isnan(disparity[v, u]):
-                    known[count] = disparity[v, u]
-                    count += 1
-        filtered[y, x] = np.sort(known[:count])[(count - 1) // 2]
+    ordered = np.empty((2 * half + 1) ** 2, np.float32)
+    for y in range(height):
+        for x in range(width):
+            if not redone[y, x]:
+                continue
+            if np.isnan(disparity[y, x]):
+                filtered[y, x] = np.nan
+                continue
+            count = 0
+            for v in range(max(y - half, 0), min(y + half + 1, height)):
+                for u in range(max(x - half, 0), min(x + half + 1, width)):
+                    if not np.isnan(disparity[v, u]):
+                        _insert(ordered, count, disparity[v, u])
+                        count += 1
+            filtered[y, x] = ordered[(count - 1) // 2]
+
+
+@kernel
+def _insert(ordered, count, value):
+    """Put `value` where it belongs among the first `count` values, which rise."""
+    place = count
+    while place > 0 and ordered[place - 1] > value:
+        ordered[place] = ordered[place - 1]
+        place -= 1
+    ordered[place] = value

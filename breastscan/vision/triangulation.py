@@ -20,6 +20,12 @@ def triangulate(disparity: Float32[np.ndarray, "h w"], pair: RectifiedPair) -> F
     return p_V @ pair.R_LV.T
 
 
+def depth_map(disparity: Float32[np.ndarray, "h w"], pair: RectifiedPair) -> Float32[np.ndarray, "h w"]:
+    """Depth of each left pixel along the axis of the rectified left view [m]; NaN where `triangulate` has none."""
+    known = np.where(disparity > 0, disparity, np.nan)
+    return (pair.focal_px * pair.baseline / known).astype(np.float32)
+
+
 def triangulate_points(
     P1: Float[np.ndarray, "3 4"],
     P2: Float[np.ndarray, "3 4"],

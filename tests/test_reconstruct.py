@@ -1,0 +1,110 @@
+"""A pair on disk against the ray-cast truth, and every way in which a pair can be unusable."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from breastscan.errors import PerceptionError
+from breastscan.reconstruct import read_grey, reconstruct
+from breastscan.scan import ScanConfig
+from breastscan.vision.camera import Intrinsics, StereoRig
+from experiments.ray_cast_dome import DomeScene
+
+SCENE = DomeScene()
+
+
+def ideal_rig() -> StereoRig:
+    (cx, cy), f = SCENE.centre_px, SCENE.focal_px
+    camera = Intrinsics(
+        K=np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]], float),
+        distortion=np.zeros(5),
+        width=SCENE.width_px,
+        height=SCENE.height_px,
+    )
+    X_RL = np.eye(4)
+    X_RL[0, 3] = -SCENE.baseline
+    return StereoRig(left=camera, right=camera, X_RL=X_RL)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """left.png, right.png and rig.yaml of the dome."""
+    folder = tmp_path_factory.mktemp("dome")
+    pair = SCENE.pair()
+    cv2.imwrite(str(folder / "left.png"), pair.left)
+    cv2.imwrite(str(folder / "right.png"), pair.right)
+    ideal_rig().save(folder / "rig.yaml")
+    return folder
+
+
+def run(folder: Path, out: Path, left: str = "left.png", right: str = "right.png"):
+    return reconstruct(folder / left, folder / right, folder / "rig.yaml", out, ScanConfig())
+
+
+def test_depth_map_is_the_depth_in_metres_to_a_fifth_of_a_millimetre(folder, tmp_path):
+    result = run(folder, tmp_path)
+    depth = cv2.imread(str(tmp_path / "depth.tiff"), cv2.IMREAD_UNCHANGED)
+    assert depth.dtype == np.float32
+    assert depth.shape == (SCENE.height_px, SCENE.width_px)
+    from_axis = np.linalg.norm(SCENE.points[..., :2] - SCENE.sphere_centre[:2], axis=-1)
+    skin = result.breast.mask & (from_axis < 0.065)
+    assert 1e3 * np.sqrt(np.mean((depth - SCENE.points[..., 2])[skin] ** 2)) < 0.2
+    np.testing.assert_array_equal(np.isnan(depth), np.isnan(result.disparity))
+    assert np.isnan(depth[:, :64]).all()
+
+
+def test_cloud_on_disk_lies_on_the_sphere(folder, tmp_path):
+    run(folder, tmp_path)
+    cloud = trimesh.load(tmp_path / "cloud.ply")
+    distance = np.linalg.norm(np.asarray(cloud.vertices) - SCENE.sphere_centre, axis=-1) - SCENE.sphere_radius
+    assert 1e3 * np.sqrt(np.mean(distance**2)) < 0.2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.tiff", "disparity.png"]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff"])
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_any_depth_and_colour_reads_as_the_same_grey(tmp_path, suffix, depth, channels):
+    grey = SCENE.pair().left
+    scale = 257 if depth == np.uint16 else 1
+    image = np.repeat((grey.astype(int) * scale).astype(depth)[..., None], channels, axis=-1)
+    path = tmp_path / f"image{suffix}"
+    cv2.imwrite(str(path), image)
+    assert np.abs(read_grey(path).astype(int) - grey).max() <= 1
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".jpg"])
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.98])
+def test_cut_off_file_is_refused_by_name(tmp_path, suffix, share):
+    path = tmp_path / f"image{suffix}"
+    cv2.imwrite(str(path), SCENE.pair().left)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(PerceptionError, match=f"image{suffix} is not an image, or is damaged.*copy it again"):
+        read_grey(path)
+
+
+@pytest.mark.parametrize(
+    ("image", "complaint"),
+    [
+        (np.zeros((448, 640), np.uint8), "other.png is black.*lens cap"),
+        (np.full((448, 640), 255, np.uint8), "other.png is saturated.*expose shorter"),
+        (np.full((448, 640), 90, np.uint8), "other.png has no texture.*pattern"),
+        (SCENE.pair().right[:, :-10], "right image is 630x448 px.*calibrated for 640x448"),
+    ],
+)
+def test_unusable_image_is_named_with_a_cure_and_nothing_is_written(folder, tmp_path, image, complaint):
+    cv2.imwrite(str(folder / "other.png"), image)
+    out = tmp_path / "out"
+    with pytest.raises(PerceptionError, match=complaint):
+        run(folder, out, right="other.png")
+    assert not out.exists() or not list(out.iterdir())
+
+
+def test_exchanged_images_are_recognised_and_nothing_is_written(folder, tmp_path):
+    with pytest.raises(PerceptionError, match=r"left and the right image are exchanged.*exchange the two files"):
+        run(folder, tmp_path, left="right.png", right="left.png")
+    assert not list(tmp_path.iterdir())
