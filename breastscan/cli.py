@@ -97,7 +97,7 @@ def _reconstruct() -> Callable:
             left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
             right: Right image of the same instant.
             rig: The rig file of the two cameras.
-            out: Folder for cloud.ply and disparity.png.
+            out: Folder for cloud.ply, depth.tiff and disparity.png.
             settings: Every setting.
         """
         result = module.reconstruct(left, right, rig, out, settings)
@@ -224,15 +224,16 @@ def _plan() -> Callable:
 
 def _study() -> Callable:
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from experiments import study_joints
+    from experiments import study_joints, study_weights
 
-    studies = {"joints": study_joints.run}
+    studies = {"joints": study_joints.run, "weights": study_weights.run}
 
     def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed = 0) -> None:
         """Answer one question about the twin, with figures and tables.
 
         Args:
-            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin.
+            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin. weights:
+                what the weights of a NURBS curve do.
             out: Folder for study.md, study.json and the figures; by default out/study_NAME.
             seed: Seed of everything random.
         """

@@ -21,6 +21,7 @@ from breastscan.geometry.nurbs_system import (
     checked_weights,
     chord_parameters,
     fitted,
+    homogeneous_spline,
     interpolate_closed,
     interpolate_open,
 )
@@ -68,18 +69,27 @@ class Nurbs:
         return Nurbs(spline=solve(points, u, checked_weights(weights, len(points))), closed=closed)
 
     @staticmethod
-    def fit(points: Float[np.ndarray, "n d"], vertices: int, closed: bool = True) -> "Nurbs":
-        """The curve of `vertices` control vertices that is nearest to noisy `points` in the least-squares sense.
+    def fit(points: Float[np.ndarray, "n d"], tolerance: float, closed: bool = True) -> "Nurbs":
+        """The simplest curve that passes noisy `points` within a tolerance: least squares with as few vertices as do.
+
+        Args:
+            points: Points in order.
+            tolerance: Largest root mean square of the distances of the points from the curve, in their unit. About the
+                noise: less follows the noise, more loses shape.
+            closed: Whether the curve returns to the first point.
 
         Raises:
-            PlanningError: Bad points as for `interpolate`, or not between 4 and `len(points)` vertices.
+            PlanningError: Bad points as for `interpolate`, or a tolerance that is not positive.
         """
         check_points(points)
-        if not DEGREE < vertices <= len(points):
-            raise PlanningError(
-                f"a fit needs 4 to {len(points)} control vertices (one a point at most), got {vertices}", vertices
-            )
-        return Nurbs(spline=fitted(points, chord_parameters(points, closed), vertices, closed), closed=closed)
+        if not tolerance > 0.0:
+            raise PlanningError(f"a fit needs a positive tolerance, got {tolerance}: give about the noise", tolerance)
+        u = chord_parameters(points, closed)
+        for vertices in range(DEGREE + 1, len(points)):
+            curve = Nurbs(spline=fitted(points, u, vertices, closed), closed=closed)
+            if np.mean(np.sum((curve.evaluate(u) - points) ** 2, axis=1)) <= tolerance**2:
+                return curve
+        return Nurbs.interpolate(points, closed)
 
     def evaluate(self, u: Float[np.ndarray, "*n"] | float, derivative: int = 0) -> Float[np.ndarray, "*n d"]:
         """The curve or one of its derivatives with respect to u.
@@ -190,6 +200,19 @@ class Nurbs:
             speed = np.linalg.norm(self.evaluate(u, 1), axis=-1)
             u = np.clip(u - (self.arc_length(u) - s) / speed, 0.0, 1.0)
         return u
+
+    def with_weights(self, weights: Float[np.ndarray, "n"]) -> "Nurbs":
+        """The curve of the same control vertices with other weights: drawn to the heavier ones, off the points.
+
+        Raises:
+            PlanningError: Not one positive weight a vertex (a closed curve's first three count once).
+        """
+        count = len(self.weights) - (DEGREE if self.closed else 0)
+        checked = checked_weights(weights, count)
+        return Nurbs(
+            spline=homogeneous_spline(self.control_points[:count], checked, self.spline.t, self.closed),
+            closed=self.closed,
+        )
 
     def insert_knot(self, u: float) -> "Nurbs":
         """The same curve with one more knot, and so one more control vertex, at u in (0, 1)."""

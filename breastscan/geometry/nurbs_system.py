@@ -23,7 +23,7 @@ def interpolate_closed(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -
     vertex_weights = np.roll(weights, 1)
     N = _cyclic_basis(u, knots)
     control = _solve(N, (N @ vertex_weights)[:, None] * points) / vertex_weights[:, None]
-    return _homogeneous_spline(control, vertex_weights, knots, closed=True)
+    return homogeneous_spline(control, vertex_weights, knots, closed=True)
 
 
 def interpolate_open(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> BSpline:
@@ -35,7 +35,7 @@ def interpolate_open(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> 
     tangents = np.stack([_parabola_slope(u[:3], points[:3]), _parabola_slope(u[:-4:-1], points[:-4:-1])])
     goals = np.vstack([(N @ vertex_weights)[:, None] * points, weights[[0, -1], None] * tangents])
     control = _solve(sparse.csc_array(sparse.vstack([N, slopes])), goals) / vertex_weights[:, None]
-    return _homogeneous_spline(control, vertex_weights, knots, closed=False)
+    return homogeneous_spline(control, vertex_weights, knots, closed=False)
 
 
 def fitted(points: np.ndarray, u: np.ndarray, vertices: int, closed: bool) -> BSpline:
@@ -44,10 +44,11 @@ def fitted(points: np.ndarray, u: np.ndarray, vertices: int, closed: bool) -> BS
     knots = _periodic_knots(breaks) if closed else _clamped_knots(breaks)
     N = _cyclic_basis(u, knots) if closed else BSpline.design_matrix(u, knots, DEGREE)
     control = _solve(sparse.csc_array(N.T @ N), N.T @ points)
-    return _homogeneous_spline(control, np.ones(vertices), knots, closed)
+    return homogeneous_spline(control, np.ones(vertices), knots, closed)
 
 
-def _homogeneous_spline(control: np.ndarray, weights: np.ndarray, knots: np.ndarray, closed: bool) -> BSpline:
+def homogeneous_spline(control: np.ndarray, weights: np.ndarray, knots: np.ndarray, closed: bool) -> BSpline:
+    """The spline of (w d, w); a closed one's first vertices are given once."""
     homogeneous = np.column_stack([control * weights[:, None], weights])
     if closed:
         homogeneous = np.vstack([homogeneous, homogeneous[:DEGREE]])
