@@ -2,6 +2,7 @@
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from experiments import bench_motion, bench_stereo, bench_twin
 
@@ -20,7 +21,7 @@ def main() -> None:
         for heading in ("what", "own", "peer or budget", "peer / own"):
             table.add_column(heading, justify="left" if heading == "what" else "right")
         for what, own, peer, ratio in rows():
-            table.add_row(what, f"{own:.3g}", f"{peer:.3g}", f"{ratio:.2f}")
+            table.add_row(Text(what), f"{own:.3g}", f"{peer:.3g}", f"{ratio:.2f}")
         console.print(table)
 
 
