@@ -20,7 +20,7 @@ types: $(READY)
 	$(BIN)/pyright
 
 check: lint types  ## what CI runs: lint, types, tests
-	$(MAKE) test
+	@$(MAKE) --no-print-directory test
 
 bench: $(READY)  ## the benchmark table, own figures against named peers
 	$(BIN)/python -m experiments.bench
