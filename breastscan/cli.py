@@ -42,9 +42,11 @@ def twin_imports() -> Iterator[None]:
     try:
         yield
     except (AttributeError, ImportError, OSError, RuntimeError) as error:
+        from breastscan.doctor import GL_PACKAGES
+
         raise ConfigError(
-            f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')} ({error}): set it to egl, "
-            "and ask `breastscan doctor` what is missing",
+            f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')} ({error}): set it to egl; "
+            f"where that fails as well, on Debian or Ubuntu: apt-get install {GL_PACKAGES}",
             error,
         ) from error
 
