@@ -13,7 +13,8 @@ from breastscan.geometry import se3
 from breastscan.robot.interface import RobotState
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
-from sim.scene import HOME_Q, PERIOD, Scene
+from sim.scene import HOME_Q, Scene
+from sim.servo import PERIOD, ServoJ
 from sim.tissue import SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
@@ -60,9 +61,12 @@ class SimRobot:
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
         self._target = np.array(q, float)
-        self._target_speed = np.zeros(6)
+        """The latest joint target [rad]."""
+        self._servo = ServoJ(scene.config.servo, q)
+        self._servo_lag = scene.config.servo.nominal_lag
         self._data.qpos[self._joints] = q
-        self._advance(self._target)
+        self._samples = 0
+        self._advance()
 
     @property
     def period(self) -> float:
@@ -74,6 +78,11 @@ class SimRobot:
         """Pose of the probe tip in the flange."""
         return self._X_FP
 
+    @property
+    def servo_lag(self) -> float:
+        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport and its law imply."""
+        return self._servo_lag
+
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
@@ -83,7 +92,7 @@ class SimRobot:
         return self._truth.log()
 
     def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
-        """Track `q` [rad] for one period, at the speed that leads there from the previous target.
+        """Track `q` [rad] for one period, as the controller's servoj does.
 
         Raises:
             RobotError: The target is not finite, outside the joint limits, or too far from the previous one.
@@ -96,7 +105,7 @@ class SimRobot:
                 "rad/s at most: move there with move_joint first",
                 q,
             )
-        self._advance(q)
+        self._follow(q)
 
     def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
         """Move to `q` [rad] on a straight line in joint space and wait until there.
@@ -111,15 +120,16 @@ class SimRobot:
                 f"rad/s and {acceleration} rad/s^2",
                 (speed, acceleration),
             )
-        for target in trapezoid(self._target, q, speed, acceleration, PERIOD):
-            self._advance(target)
+        self._brake()
+        for target in trapezoid(self._servo.q_end, q, speed, acceleration, PERIOD):
+            self._go(target)
         self._settle()
 
     def tare(self) -> None:
         """Hold still for `TARE_TIME` and take the mean wrench as zero."""
         wrenches = []
         for _ in range(round(TARE_TIME / PERIOD)):
-            self._advance(self._target)
+            self._follow(self._target)
             wrenches.append(self._sample.wrench_P)
         zero_P = np.mean(wrenches, axis=0)
         self._sensor.tare(zero_P)
@@ -127,8 +137,7 @@ class SimRobot:
 
     def stop(self) -> None:
         """Brake along the present course and stay there."""
-        for target in braking(self._target, self._target_speed, STOP_DECELERATION, PERIOD):
-            self._advance(target)
+        self._brake()
         self._settle()
 
     def snapshot(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "n 3"] | None, float]:
@@ -142,30 +151,46 @@ class SimRobot:
         if np.abs(q).max() > ANGLE_LIMIT:
             raise RobotError(f"joint targets must stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q)
 
+    def _brake(self) -> None:
+        for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):
+            self._go(q)
+
     def _settle(self) -> None:
-        """Hold the target until the joints are there."""
+        """Hold the joints' place until they are there."""
+        self._go(self._servo.q_end)
         for _ in range(round(SETTLE_TIME / PERIOD)):
-            self._advance(self._target)
-            if np.abs(self._sample.q - self._target).max() < ARRIVED:
+            self._advance()
+            if np.abs(self._sample.q - self._servo.q).max() < ARRIVED:
                 return
-        error = np.abs(self._sample.q - self._target).max()
+        error = np.abs(self._sample.q - self._servo.q).max()
         raise RobotError(
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
 
-    def _advance(self, target: Float[np.ndarray, "6"]) -> None:
-        """One period towards `target`: sense, press, log, integrate."""
+    def _follow(self, target: Float[np.ndarray, "6"]) -> None:
+        """One period of servoj towards `target` [rad]."""
+        self._target = target.copy()
+        self._servo.follow(target)
+        self._advance()
+
+    def _go(self, q: Float[np.ndarray, "6"]) -> None:
+        """One period of a motion of the controller's own, to `q` [rad]."""
+        self._target = q.copy()
+        self._servo.go(q)
+        self._advance()
+
+    def _advance(self) -> None:
+        """One period: sense, press, log, integrate."""
         data = self._data
-        self._target_speed = (target - self._target) / PERIOD
-        self._target = np.array(target, float)
-        data.ctrl[0::2], data.ctrl[1::2] = self._target, self._target_speed  # position and velocity servos alternate
+        data.ctrl[0::2], data.ctrl[1::2] = self._servo.q, self._servo.qd  # position and velocity servos alternate
         mujoco.mj_step1(self._model, data)
         time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._joints]
         self._press(time, q)
         mujoco.mj_step2(self._model, data)
         on_sensor_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
         wrench_P = self._sensor.measure(on_sensor_F, self._flange.xmat.reshape(3, 3))
-        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P)
+        self._samples += 1
+        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._samples)
         if not np.abs(data.qvel).max() < DIVERGED_SPEED:
             raise RobotError(f"the simulation diverged at {time:.3f} s: joint speeds {data.qvel} rad/s", time)
 

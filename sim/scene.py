@@ -24,11 +24,11 @@ from sim.phantom import Phantom, PhantomConfig
 from sim.probe import add_tool, tip_pose
 from sim.probe_face import ProbeFace
 from sim.room import LIT_CENTRE, LIT_RADIUS, STANDING_ROOM_X, STANDING_ROOM_Y, add_chest, add_room, add_stand
+from sim.servo import PERIOD as PERIOD
+from sim.servo import ServoConfig
 from sim.ur5e import add_arm
 from sim.wrench_sensor import GRAVITY_W, WrenchSensorConfig
 
-PERIOD = 0.002
-"""Control period and physics time step [s]."""
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
 """Joint angles [rad] with the arm parked over its base, out of both cameras' view of the phantom."""
@@ -46,6 +46,7 @@ class SceneConfig:
     """Rig file with `X_BL`; None for the one that comes with the package."""
     mount_angle: float = np.pi / 4
     """Angle between the probe's axis and the flange's [rad]."""
+    servo: ServoConfig = field(default_factory=ServoConfig)
     wrist: WrenchSensorConfig = field(default_factory=WrenchSensorConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
 

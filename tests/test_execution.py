@@ -78,6 +78,17 @@ def test_tangential_tracking_is_exact_with_a_perfect_servo(motion):
     np.testing.assert_allclose(planned[:, 2, 3] - executed[:, 2, 3], 0.005, atol=1e-4)
 
 
+def test_a_late_arm_is_where_the_plan_is_because_the_plan_is_sent_ahead(motion):
+    robot = SpringRobot(motion.q_home, SKIN, late=17)
+    log = execution.execute(robot, motion, ContactConfig(), SafetyLimits())
+    table = record.trajectory(log, motion, robot.X_FP)
+    loop = table.filter(table["phase"] == "loop")
+    executed, planned = (loop[name].to_numpy().reshape(-1, 4, 4)[:, :2, 3] for name in ("X_BP", "X_BP_plan"))
+    assert len(loop) == len(motion.q)
+    assert np.abs(executed - planned).max() < 1e-6
+    assert np.abs(-loop["wrench"].to_numpy()[:, 2] - 5.0).max() < 0.1
+
+
 def test_skin_eight_millimetres_from_where_it_was_planned_is_found(motion):
     for height in (SKIN - 0.008, SKIN + 0.008):
         _, table = scan(motion, height=height)
