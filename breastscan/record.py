@@ -110,29 +110,29 @@ def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"
         Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
         wrench (at the tip, basis P, force first [N, N m]) and contact. Off the path, s and the plan are NaN.
     """
-    states = [row["state"] for row in log.rows]
-    on_path = np.array([row["index"] is not None for row in log.rows])
-    index = np.array([row["index"] or 0 for row in log.rows])
+    states = [entry["state"] for entry in log.rows]
+    row = np.array([entry["row"] for entry in log.rows], float)
+    first = np.nan_to_num(row).astype(int)
+    second = np.minimum(first + 1, len(motion.q) - 1)
     q = np.stack([state.q for state in states])
-    X_BP_plan = kinematics.forward(motion.q) @ X_FP
 
     def planned(values: np.ndarray) -> np.ndarray:
-        flat = values.reshape(len(values), -1)[index]
-        return np.where(on_path[:, None], flat, np.nan)
+        flat = values.reshape(len(values), -1)
+        return flat[first] + (row - first)[:, None] * (flat[second] - flat[first])
 
     return pl.DataFrame(
         {
             "t": np.array([state.time for state in states]),
-            "phase": [row["phase"] for row in log.rows],
+            "phase": [str(entry["phase"]) for entry in log.rows],
             "s": planned(motion.s)[:, 0],
             "q": q,
             "qd": np.stack([state.qd for state in states]),
-            "target": np.stack([row["target"] for row in log.rows]),
+            "target": np.stack([entry["target"] for entry in log.rows]),
             "q_plan": planned(motion.q),
             "qd_plan": planned(motion.qd),
             "X_BP": (kinematics.forward(q) @ X_FP).reshape(-1, 16),
-            "X_BP_plan": planned(X_BP_plan),
+            "X_BP_plan": planned(kinematics.forward(motion.q) @ X_FP),
             "wrench": np.stack([state.wrench_P for state in states]),
-            "contact": [row["contact"] for row in log.rows],
+            "contact": [entry["contact"] for entry in log.rows],
         }
     )

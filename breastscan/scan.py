@@ -140,7 +140,7 @@ def scan(
     reconstruction = perceive(images, rig, config, stages)
     plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
     with stages.stage("execution") as progress:
-        log = execution.execute(robot, plan.motion, config.contact, config.safety, progress)
+        log = execution.execute(robot, plan.motion, config.contact, config.safety, progress=progress)
     return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
 
 

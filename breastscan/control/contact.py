@@ -1,20 +1,18 @@
 """Force along the probe axis, position across it [Zhang, Sec. V-B.2, Fig. 23].
 
-In the probe's frame the selection S' of the force-controlled directions is the probe axis alone; the selection S = 1 - S'
-of the position-controlled ones is all the rest. The force error becomes a correction of the pose along the axis: a rate,
-from one of `control.laws`, bounded, and summed to a depth. Pure functions of (measurement, reference, memory) -> memory,
-so that the twin and the robot run the same code.
+In the probe's frame the selection S' of the force-controlled directions is the probe axis alone; the selection
+S = 1 - S' of the position-controlled ones is all the rest. The force error becomes a correction of the pose along the
+axis: a rate, from one of `control.laws`, bounded, and summed to a depth. Pure functions of (measurement, reference,
+memory) -> memory, so that the twin and the robot run the same code.
 """
 
 import math
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from jaxtyping import Float
-
 from breastscan.control.checks import require_positive
 from breastscan.control.filters import Filtered
 from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Reference, Seen
+from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
 from breastscan.control.surface import Surface, SurfaceConfig
 from breastscan.errors import ConfigError
@@ -44,6 +42,7 @@ class ContactConfig:
     depth_limit: float = 0.03
     """Bound of the correction, in both directions from the planned skin [m]: planning error, breathing and
     indentation together."""
+    phases: PhaseConfig = field(default_factory=PhaseConfig)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     gains: LawGains = field(default_factory=LawGains)
 
@@ -91,8 +90,9 @@ class ContactMemory:
 
 
 def touches(memory: ContactMemory, config: ContactConfig) -> bool:
-    """Whether the force says that the skin is there."""
-    return memory.slow.force > max(config.contact_force, CONTACT_SIGMA * memory.noise)
+    """Whether the force says that the skin is there; a contact ends at half the force at which it begins."""
+    threshold = max(config.contact_force, CONTACT_SIGMA * memory.noise)
+    return memory.slow.force > (threshold if memory.surface is None else 0.5 * threshold)
 
 
 def sense(memory: ContactMemory, force: float, config: ContactConfig, period: float) -> ContactMemory:
@@ -121,9 +121,7 @@ def leave(memory: ContactMemory) -> ContactMemory:
     return replace(memory, surface=None)
 
 
-def advance(
-    memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float
-) -> ContactMemory:
+def advance(memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float) -> ContactMemory:
     """Move along the axis, whatever the force.
 
     Args:

@@ -1,8 +1,8 @@
 """The force laws, to choose from by name: how fast the tip is to move along its axis.
 
-Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the robot, at 500 or 125
-Hz. The command is a speed: as an offset of the pose, a law without an integral could not hold a force on an elastic body.
-What was sent in the end, after every limit, comes back in `Seen.rate`: no law winds up against a limit.
+Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the robot, at 500 or
+125 Hz. The command is a speed: as an offset of the pose, a law without an integral could not hold a force on an elastic
+body. What was sent in the end, after every limit, comes back in `Seen.rate`: no law winds up against a limit.
 """
 
 from collections.abc import Callable
@@ -146,10 +146,8 @@ class LawMemory:
 Law = Callable[[Seen, Reference, LawMemory, Any], tuple[float, LawMemory]]
 
 
-def admittance(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains
-) -> tuple[float, LawMemory]:
-    """mass * acceleration + damping * speed = force error."""
+def admittance(seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains) -> tuple[float, LawMemory]:
+    """Mass * acceleration + damping * speed = force error."""
     filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
     push = reference.force - filtered.force - gains.damping * seen.rate
     return seen.rate + seen.period * push / gains.mass, LawMemory(filtered)

@@ -36,5 +36,6 @@ class ServoModel:
             return ServoModel(target, (target - self.position) / period, self.waiting)
         arriving, *waiting = (*self.waiting, target)
         position = self.position + period * self.speed
-        way = arriving - (position + (lag - TRANSPORT) * self.speed)
+        lookahead = lag - period * len(waiting)
+        way = arriving - (position + lookahead * self.speed)
         return ServoModel(position, self.speed + period * GAIN * way, tuple(waiting))

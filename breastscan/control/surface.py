@@ -1,9 +1,9 @@
 """What is believed about the skin under the probe: where it is, how fast it moves, how stiff it is.
 
 An extended Kalman filter over the measured force. The tissue answers an indentation u with F = (stiffness u)^(3/2),
-as an elastic body answers any blunt probe [Johnson, Ch. 4]; the skin moves along the probe axis at a speed that changes by
-chance. Being a model of both, the filter does not mistake a moving skin for a soft one, as a ratio of force to motion
-under a working controller would.
+as an elastic body answers any blunt probe [Johnson, Ch. 4]; the skin moves along the probe axis at a speed that changes
+by chance. Being a model of both, the filter does not mistake a moving skin for a soft one, as a ratio of force to
+motion under a working controller would.
 """
 
 import math
@@ -18,7 +18,7 @@ FIRST_POSITION = 0.5e-3
 FIRST_SPEED = 0.01
 """Speed that the skin may have then [m/s]: twice that of breathing."""
 LEAST_FORCE = 0.05
-"""Force below which the filter does not linearise [N]: there the slope of the force vanishes, and with it all it tells."""
+"""Force below which the filter does not linearise [N]: there its slope vanishes, and with it all that it tells."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +29,14 @@ class SurfaceConfig:
     """Stiffness with which a contact begins [N^(2/3)/m]: 5 N press 6.5 mm deep."""
     stiffness_spread: float = 0.7
     """Its uncertainty, as a logarithm [-]: a factor of two either way, and in the tails a rigid print."""
-    stiffness_drift: float = 0.05
+    stiffness_drift: float = 0.01
     """How fast it may change along the path, as a logarithm [1/sqrt(s)]."""
     unrest: float = 0.008
     """How fast the skin's speed may change [m/s/sqrt(s)]."""
-    force_noise: float = 0.05
-    """Least error of a force sample against the model [N]; a sensor seen to be noisier in the air raises it."""
+    force_noise: float = 0.15
+    """Least error of a force sample against the model [N]."""
+    noise_factor: float = 3.0
+    """By how much that of a noisy sensor is greater than its noise [-]: its samples are not independent."""
 
     def __post_init__(self) -> None:
         require_positive(self, "surface")
@@ -103,7 +105,7 @@ class Surface:
         s = ss * by_position + sk * by_stiffness
         v = sv * by_position + vk * by_stiffness
         k = sk * by_position + kk * by_stiffness
-        variance = by_position * s + by_stiffness * k + max(noise, config.force_noise) ** 2
+        variance = by_position * s + by_stiffness * k + max(config.noise_factor * noise, config.force_noise) ** 2
         surprise = (force - expected) / variance
         return Surface(
             position + s * surprise,
