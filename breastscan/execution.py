@@ -15,10 +15,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.control import contact, phases, safety, watch
+from breastscan.control import contact, phases, safety, selection, tilt, watch
 from breastscan.control.contact import ContactConfig, ContactMemory
-from breastscan.control.phases import Phase, Progress, Route, Situation
+from breastscan.control.lag import LagEstimate
+from breastscan.control.phases import PRESSING, Phase, Progress, Route, Situation
 from breastscan.control.safety import Command, SafetyLimits, Sent, Workspace
+from breastscan.control.tilt import Drag, TiltMemory
 from breastscan.control.watch import Observation, Watch
 from breastscan.errors import PlanningError, RobotError
 from breastscan.geometry import kinematics, se3
@@ -57,14 +59,9 @@ class ScanMotion:
 
     def at(self, row: float) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] at a row of the plan, with a fraction."""
-        return between(self.q, row)
-
-
-def between(values: Float[np.ndarray, "n *c"], row: float) -> Float[np.ndarray, "*c"]:
-    """The planned values at a row with a fraction, between the two rows around it."""
-    first = min(int(row), len(values) - 1)
-    second = min(first + 1, len(values) - 1)
-    return values[first] + (row - first) * (values[second] - values[first])
+        first = int(row)
+        second = min(first + 1, len(self.q) - 1)
+        return self.q[first] + (row - first) * (self.q[second] - self.q[first])
 
 
 @dataclass
@@ -161,6 +158,10 @@ class _Probe:
         self._watch = Watch.beginning(self._observation())
         self._refused = 0
         self._hurry = 0.0
+        self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
+        self._tilt = TiltMemory()
+        X_BP = kinematics.forward(motion.at(float(first_row))) @ robot.X_FP
+        self._planned_B, self._R_BP, self._velocity_B = X_BP[:3, 3], X_BP[:3, :3], np.zeros(3)
         tips_B = (kinematics.forward(motion.q) @ robot.X_FP)[:, :3, 3]
         self._workspace = Workspace.around(tips_B, motion.clearance + limits.workspace_margin)
 
@@ -195,7 +196,7 @@ class _Probe:
             memory = contact.meet(memory, self.config)
         if demand.leaves:
             memory = contact.leave(memory)
-        lag, period = self.robot.servo_lag, self.robot.period
+        lag, period = self._lag.lag, self.robot.period
         if demand.reference is not None:
             memory = contact.regulate(memory, demand.reference, self.config, lag, period)
         else:
@@ -211,6 +212,11 @@ class _Probe:
             self._end(fault)
             return
         self._memory = contact.sense(self._memory, -float(self._state.wrench_P[2]), self.config, self.robot.period)
+        if self._progress.phase in PRESSING:
+            fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
+            vx, vy, _ = (self._velocity_B @ self._R_BP).tolist()
+            drag = Drag((fx, fy, fz, my), (vx, vy), self._memory.noise, self.robot.period)
+            self._tilt = tilt.turn(drag, self._tilt, self.config.tilt)
         surface = self._memory.surface
         if surface is not None and self._progress.phase is Phase.LOOP:
             self._hurry = safety.hurried(surface.speed, self._hurry, self.limits, self.robot.period)
@@ -232,8 +238,9 @@ class _Probe:
 
     def _send(self, memory: ContactMemory, progress: Progress) -> None:
         """One command to the robot; what was decided counts once it is taken."""
-        ahead = progress.row + progress.feed * self.robot.servo_lag / self.robot.period
-        X_BP = self._goal(ahead, memory.depth)
+        ahead = min(progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last))
+        X_BP_plan = kinematics.forward(self.motion.at(ahead)) @ self.robot.X_FP
+        X_BP = selection.corrected(X_BP_plan, memory.depth, (self._tilt.rx, self._tilt.ry))
         command = Command(joints_towards(self._sent.q, X_BP, self.robot.X_FP), X_BP[:3, 3], memory.depth)
         sent = safety.let_through(command, self._sent, self._workspace, self.limits, self.robot.period)
         if sent.fault is not None:
@@ -246,6 +253,9 @@ class _Probe:
         self._memory, self._sent, self._refused = memory, sent, 0
         self._progress = progress if self.error is None else phases.escape(progress)
         self._state = self.robot.state()
+        self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
+        self._velocity_B = (X_BP_plan[:3, 3] - self._planned_B) / self.robot.period
+        self._planned_B, self._R_BP = X_BP_plan[:3, 3], X_BP[:3, :3]
         self.log.add(progress.phase, self._state, sent.q, progress.row, contact.touches(memory, self.config))
 
     def _end(self, error: BaseException) -> None:
@@ -262,13 +272,6 @@ class _Probe:
             self.robot.stop()
             self._state = self.robot.state()
             self._sent = Sent.resting(self._state.q)
-
-    def _goal(self, row: float, depth: float) -> Float[np.ndarray, "4 4"]:
-        """The tip's pose: the plan's across its axis, the force controller's along it."""
-        q_plan = between(self.motion.q, min(row, float(self.route.last)))
-        X_BP = kinematics.forward(q_plan) @ self.robot.X_FP
-        X_BP[:3, 3] += depth * X_BP[:3, 2]
-        return X_BP
 
     def _observation(self) -> Observation:
         state = self._state

@@ -1,9 +1,7 @@
-"""Force along the probe axis, position across it [Zhang, Sec. V-B.2, Fig. 23].
+"""From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig. 23].
 
-In the probe's frame the selection S' of the force-controlled directions is the probe axis alone; the selection
-S = 1 - S' of the position-controlled ones is all the rest. The force error becomes a correction of the pose along the
-axis: a rate, from one of `control.laws`, bounded, and summed to a depth. Pure functions of (measurement, reference,
-memory) -> memory, so that the twin and the robot run the same code.
+The correction is a rate, from one of `control.laws`, bounded, and summed to a depth; `control.selection` joins it with
+the plan. Pure functions of (measurement, reference, memory) -> memory, so that the twin and the robot run the same code.
 """
 
 import math
@@ -15,6 +13,7 @@ from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Referenc
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
 from breastscan.control.surface import Surface, SurfaceConfig
+from breastscan.control.tilt import TiltConfig
 from breastscan.errors import ConfigError
 
 CONTACT_HZ = 10.0
@@ -44,6 +43,7 @@ class ContactConfig:
     indentation together."""
     phases: PhaseConfig = field(default_factory=PhaseConfig)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    tilt: TiltConfig = field(default_factory=TiltConfig)
     gains: LawGains = field(default_factory=LawGains)
 
     def __post_init__(self) -> None:
