@@ -18,7 +18,7 @@ from breastscan.control import contact, safety
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError, SafetyError
-from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import Robot, RobotState
 
 TRANSFER_SPEED = 0.6
@@ -94,7 +94,7 @@ class _Probe:
         """One period towards the row `index` of the plan, shifted by the depth in `memory`."""
         self.check_interrupt()
         q_plan = self.motion.q[self.index]
-        target = shifted_joints(self.target, q_plan, self.robot.X_FP, memory.depth)
+        target = shifted_joints(self.robot.calibration, self.target, q_plan, self.robot.X_FP, memory.depth)
         safety.check_command(target, self.target, self.robot.period, self.limits)
         self.robot.servo_joint(target)
         self.memory, self.target, self.state = memory, target, self.robot.state()
@@ -104,24 +104,20 @@ class _Probe:
 
 
 def shifted_joints(
-    q_start: Float[np.ndarray, "6"], q_plan: Float[np.ndarray, "6"], X_FP: Float[np.ndarray, "4 4"], depth: float
+    calibration: KinematicCalibration,
+    q_start: Float[np.ndarray, "6"],
+    q_plan: Float[np.ndarray, "6"],
+    X_FP: Float[np.ndarray, "4 4"],
+    depth: float,
 ) -> Float[np.ndarray, "6"]:
     """Joint angles that put the tip `depth` [m] along the probe axis beyond where `q_plan` puts it.
 
     One Newton step from `q_start` [rad]: at 500 Hz the pose moves by less than .1 mm a period, so a step leaves
     an error below a nanometre.
     """
-    X_BP_goal = kinematics.forward(q_plan) @ X_FP
-    X_BP_goal[:3, 3] += depth * X_BP_goal[:3, 2]
-    X_BF_goal = X_BP_goal @ se3.inverse(X_FP)
-    X_BF = kinematics.forward(q_start)
-    twist_B = np.concatenate([X_BF_goal[:3, 3] - X_BF[:3, 3], _small_rotation(X_BF_goal[:3, :3] @ X_BF[:3, :3].T)])
-    return q_start + np.linalg.solve(kinematics.jacobian(q_start), twist_B)
-
-
-def _small_rotation(R: np.ndarray) -> np.ndarray:
-    """Rotation vector [rad] of a nearly unit rotation, to third order."""
-    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    X_BF = calibration.forward(q_plan)
+    X_BF[:3, 3] += X_BF[:3, :3] @ (depth * X_FP[:3, 2])
+    return calibration.step(q_start, X_BF)
 
 
 def execute(

@@ -10,7 +10,9 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from sim.drives import Drives
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
@@ -63,7 +65,11 @@ class SimRobot:
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
+        self._dofs = np.array([self._model.joint(name).dofadr[0] for name in joint_names()])
+        self._wanted_acceleration, self._torque = np.zeros(self._model.nv), np.zeros(self._model.nv)
+        self._drives = Drives()
         self._servo_lag = scene.config.servo.nominal_lag
+        self._calibration = scene.calibration
         self._data.qpos[self._joints] = q
         self._samples = 0
         self._advance()
@@ -77,6 +83,11 @@ class SimRobot:
     def X_FP(self) -> Float[np.ndarray, "4 4"]:
         """Pose of the probe tip in the flange."""
         return self._X_FP
+
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
+        return self._calibration
 
     @property
     def servo_lag(self) -> float:
@@ -157,12 +168,12 @@ class SimRobot:
 
     def _settle(self) -> None:
         """Hold the joints' place until they are there."""
-        self._go(self._servo.q_end)
+        error = np.inf
         for _ in range(round(SETTLE_TIME / PERIOD)):
-            self._advance()
-            if np.abs(self._sample.q - self._servo.q).max() < ARRIVED:
+            self._go(self._servo.q_end)
+            error = np.abs(self._sample.q - self._servo.q).max()
+            if error < ARRIVED:
                 return
-        error = np.abs(self._sample.q - self._servo.q).max()
         raise RobotError(
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
@@ -182,9 +193,12 @@ class SimRobot:
     def _advance(self) -> None:
         """One period: sense, press, log, integrate."""
         data = self._data
-        data.ctrl[0::2], data.ctrl[1::2] = self._servo.q, self._servo.qd  # position and velocity servos alternate
         mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._joints]
+        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._dofs]
+        self._wanted_acceleration[self._dofs] = self._servo.qdd
+        mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
+        position, velocity = self._drives.commands(self._servo.q, self._servo.qd, q, self._torque[self._dofs])
+        data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         self._press(time, q)
         mujoco.mj_step2(self._model, data)
         on_sensor_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool

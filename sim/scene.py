@@ -19,6 +19,7 @@ from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
 from sim.describe import Element, add_material, mjcf
+from sim.deviations import ArmConfig, calibration, true_arm
 from sim.lens import CameraConfig, canvas, mujoco_camera
 from sim.phantom import Phantom, PhantomConfig
 from sim.probe import add_tool, tip_pose
@@ -46,6 +47,7 @@ class SceneConfig:
     """Rig file with `X_BL`; None for the one that comes with the package."""
     mount_angle: float = np.pi / 4
     """Angle between the probe's axis and the flange's [rad]."""
+    arm: ArmConfig = field(default_factory=ArmConfig)
     servo: ServoConfig = field(default_factory=ServoConfig)
     wrist: WrenchSensorConfig = field(default_factory=WrenchSensorConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
@@ -78,6 +80,10 @@ class Scene:
         self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
         self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
         self.X_FP = tip_pose(self.config.mount_angle)
+        self.arm = true_arm(self.config.arm)
+        """Where the simulated arm's axes lie."""
+        self.calibration = calibration(self.config.arm)
+        """And where the robot says that they lie."""
 
     @cached_property
     def physics(self) -> mujoco.MjModel:
@@ -104,7 +110,7 @@ class Scene:
         root.visual.headlight.set_attributes(ambient=(0.32, 0.32, 0.33), diffuse=(0.08, 0.08, 0.08), specular=(0, 0, 0))
         add_room(root)
         add_stand(root, self.X_BL, self.X_BR)
-        add_tool(add_arm(root), self.config.mount_angle, ProbeFace())
+        add_tool(add_arm(root, self.arm), self.config.mount_angle, ProbeFace())
         chest = add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
         if with_skin:
             _add_skin(root, chest, self.phantom)

@@ -3,8 +3,9 @@ import pytest
 
 from breastscan.errors import RobotError
 from breastscan.geometry import kinematics, se3
+from sim.deviations import ArmConfig
 from sim.robot import SimRobot
-from sim.scene import HOME_Q, PERIOD
+from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
 from sim.ur5e import SPEED_LIMIT
 from tests.closed_form_tissue import SpringTissue, UndefinedTissue
 
@@ -74,6 +75,26 @@ def test_a_pressing_probe_feels_the_tissue_as_a_negative_force_along_its_axis(qu
     np.testing.assert_allclose(state.wrench_P[:3], X_SP[:3, :3].T @ truth.force_S[-1], atol=0.01)
     np.testing.assert_allclose(state.wrench_P[3:], 0, atol=0.002)
     assert state.wrench_P[2] < 0
+
+
+def test_a_lasting_load_does_not_shift_the_arm(quiet_scene):
+    """The drive's integral: 4 N at the tip would bend the proportional part alone by a tenth of a millimetre."""
+    tip_S = quiet_scene.X_BS[:3, 3] - (kinematics.forward(HOME_Q) @ quiet_scene.X_FP)[:3, 3]
+    robot = SimRobot(quiet_scene, SpringTissue(height=-tip_S[2] + 0.005, stiffness=STIFFNESS))
+    for _ in range(500):
+        robot.servo_joint(HOME_Q)
+    assert robot.truth_log().force_S[-1, 2] == pytest.approx(4.0, abs=0.05)
+    tip_B = kinematics.forward(robot.state().q) @ quiet_scene.X_FP
+    assert np.abs(tip_B[:3, 3] + tip_S - quiet_scene.X_BS[:3, 3]).max() < 0.01e-3
+
+
+def test_an_arm_that_deviates_reports_by_its_calibration_while_the_truth_goes_by_its_own_axes():
+    scene = Scene(SceneConfig(arm=ArmConfig(kinematics="calibrated", seed=2)))
+    robot = SimRobot(scene)
+    reported_B = robot.calibration.forward(robot.state().q) @ robot.X_FP
+    true_B = scene.X_BS @ robot.truth_log().X_SP[-1]
+    np.testing.assert_allclose(true_B, scene.arm.forward(robot.state().q) @ robot.X_FP, atol=1e-9)
+    assert 0.01e-3 < np.linalg.norm((reported_B - true_B)[:3, 3]) < 1e-3
 
 
 def test_sample_and_truth_belong_to_the_same_instant(quiet_scene):

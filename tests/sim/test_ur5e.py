@@ -4,26 +4,54 @@ import pytest
 from dm_control import mjcf
 
 from breastscan.geometry import kinematics, se3
-from sim.ur5e import JOINTS, add_arm
+from sim.deviations import ArmConfig, true_arm
+from sim.ur5e import JOINTS, add_arm, link_pose
+
+
+def compiled(kinematics=None):
+    root = mjcf.RootElement()
+    root.compiler.angle = "radian"
+    add_arm(root, kinematics)
+    return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+
+
+def flange_poses(model, angles):
+    data = mujoco.MjData(model)
+    poses = []
+    for q in angles:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        flange = data.body("flange")
+        poses.append(se3.pose(flange.xmat.reshape(3, 3), flange.xpos))
+    return np.array(poses)
 
 
 @pytest.fixture(scope="module")
 def arm():
-    root = mjcf.RootElement()
-    root.compiler.angle = "radian"
-    add_arm(root)
-    return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+    return compiled()
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_flange_pose_equals_the_dh_product(arm, seed):
-    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, 6)
-    data = mujoco.MjData(arm)
-    data.qpos[:] = q
-    mujoco.mj_kinematics(arm, data)
-    flange = data.body("flange")
-    X_BF = se3.pose(flange.xmat.reshape(3, 3), flange.xpos)
-    np.testing.assert_allclose(X_BF, kinematics.forward(q), atol=1e-9)
+@pytest.fixture(scope="module")
+def angles():
+    return np.random.default_rng(0).uniform(-np.pi, np.pi, (20, 6))
+
+
+def test_flange_pose_equals_the_dh_product(arm, angles):
+    np.testing.assert_allclose(flange_poses(arm, angles), kinematics.forward(angles), atol=1e-9)
+
+
+def test_an_arm_that_deviates_from_its_drawing_has_its_flange_where_its_own_dh_parameters_put_it(angles):
+    deviating = true_arm(ArmConfig(kinematics="uncalibrated", seed=3))
+    X_BF = flange_poses(compiled(deviating), angles)
+    np.testing.assert_allclose(X_BF, deviating.forward(angles), atol=1e-9)
+    assert np.linalg.norm((X_BF - kinematics.forward(angles))[:, :3, 3], axis=1).mean() > 0.5e-3
+
+
+def test_link_frames_follow_one_another_as_dh_frames():
+    X = np.eye(4)
+    for number in range(1, 7):
+        X = X @ link_pose(number)
+    np.testing.assert_allclose(X, kinematics.forward(np.zeros(6)), atol=1e-15)
 
 
 def test_centre_of_mass_follows_the_published_one(arm):
