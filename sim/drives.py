@@ -38,7 +38,7 @@ class Drives:
 
         Args:
             q_wanted: Where the joints are to be now [rad].
-            qd_wanted: How fast they are to move [rad/s].
+            qd_wanted: How fast they are to move now [rad/s].
             q: Where they are [rad].
             inertia_torque: What the wanted acceleration takes [N m].
         """

@@ -12,6 +12,7 @@ from breastscan.errors import RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.payload import Payload
 from sim.drives import Drives
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
@@ -20,7 +21,7 @@ from sim.servo import PERIOD, ServoJ
 from sim.tissue import SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
-from sim.wrench_sensor import WrenchSensor, moment
+from sim.wrench_sensor import GRAVITY_W, WrenchSensor
 
 SPEED_TOLERANCE = 1.05
 """Share of the speed limit above which a servo target counts as a jump."""
@@ -71,7 +72,6 @@ class SimRobot:
         self._servo_lag = scene.config.servo.nominal_lag
         self._calibration = scene.calibration
         self._data.qpos[self._joints] = q
-        self._samples = 0
         self._advance()
 
     @property
@@ -146,6 +146,14 @@ class SimRobot:
         self._sensor.tare(zero_P)
         self._sample = replace(self._sample, wrench_P=self._sample.wrench_P - zero_P)
 
+    def reading_F(self) -> Float[np.ndarray, "6"]:
+        """The wrist sensor's last reading, the tool's weight and all, force first, at its measuring point [N, N m]."""
+        return self._sensor.reading_F
+
+    def set_payload(self, payload: Payload) -> None:
+        """Tell the wrist sensor what hangs on it. It starts with the tool's own numbers."""
+        self._sensor.set_payload(payload)
+
     def stop(self) -> None:
         """Brake along the present course and stay there."""
         self._brake()
@@ -197,16 +205,23 @@ class SimRobot:
         time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._dofs]
         self._wanted_acceleration[self._dofs] = self._servo.qdd
         mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
-        position, velocity = self._drives.commands(self._servo.q, self._servo.qd, q, self._torque[self._dofs])
+        inertia_torque = self._torque[self._dofs]
+        position, velocity = self._drives.commands(self._servo.q, self._servo.qd_begin, q, inertia_torque)
         data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         self._press(time, q)
         mujoco.mj_step2(self._model, data)
-        on_sensor_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
-        wrench_P = self._sensor.measure(on_sensor_F, self._flange.xmat.reshape(3, 3))
-        self._samples += 1
-        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._samples)
+        load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
+        wrench_P = self._sensor.measure(load_F, self._flange.xmat.reshape(3, 3), *self._tool_motion())
+        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._sensor.samples)
         if not np.abs(data.qvel).max() < DIVERGED_SPEED:
             raise RobotError(f"the simulation diverged at {time:.3f} s: joint speeds {data.qvel} rad/s", time)
+
+    def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""
+        kind, velocity, acceleration = mujoco.mjtObj.mjOBJ_BODY, np.empty(6), np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, kind, self._tool.id, velocity, 0)
+        mujoco.mj_objectAcceleration(self._model, self._data, kind, self._tool.id, acceleration, 0)
+        return velocity[3:], acceleration[3:] + GRAVITY_W  # MuJoCo's acceleration is that against free fall
 
     def _press(self, time: float, q: Float[np.ndarray, "6"]) -> None:
         """Let the tissue push the probe where it is now, and write the truth down."""
@@ -218,7 +233,7 @@ class SimRobot:
         force_B = contact.force_S @ self._X_SB[:3, :3]
         torque_B = contact.torque_S @ self._X_SB[:3, :3]
         self._tool.xfrc_applied[:3] = force_B
-        self._tool.xfrc_applied[3:] = torque_B + moment(self._tip.xpos - self._tool.xipos, force_B)
+        self._tool.xfrc_applied[3:] = torque_B + np.cross(self._tip.xpos - self._tool.xipos, force_B)
         self._truth.add(time, q, contact.force_S, contact.depth, X_SP)
 
     def _tip_velocity(self) -> Float[np.ndarray, "3"]:

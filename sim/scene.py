@@ -28,7 +28,8 @@ from sim.room import LIT_CENTRE, LIT_RADIUS, STANDING_ROOM_X, STANDING_ROOM_Y, a
 from sim.servo import PERIOD as PERIOD
 from sim.servo import ServoConfig
 from sim.ur5e import add_arm
-from sim.wrench_sensor import GRAVITY_W, WrenchSensorConfig
+from sim.wrench_errors import WrenchSensorConfig
+from sim.wrench_sensor import GRAVITY_W
 
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
@@ -102,8 +103,9 @@ class Scene:
     def _describe(self, *, with_skin: bool) -> Element:
         root: Element = mjcf.RootElement(model="breastscan")
         root.compiler.angle = "radian"
-        root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="implicitfast")
-        root.option.flag.autoreset = "disable"
+        # Explicit damping: the speeds then change as the accelerations say that the wrist sensor's forces come from.
+        root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="Euler")
+        root.option.flag.set_attributes(autoreset="disable", eulerdamp="disable")
         root.statistic.set_attributes(extent=LIT_RADIUS, center=LIT_CENTRE)
         root.visual.map.set_attributes(znear=0.02, zfar=20)
         root.visual.quality.shadowsize = SHADOW_MAP_PX

@@ -80,8 +80,13 @@ class ServoJ:
         self.qd = np.zeros(6)
         """How fast they are to move through it [rad/s]."""
         self.qdd = np.zeros(6)
-        """By how much faster than through the one before, over the period [rad/s^2]."""
+        """Change of that speed since the period before, over the period [rad/s^2]."""
         self._forget_waiting()
+
+    @property
+    def qd_begin(self) -> Float[np.ndarray, "6"]:
+        """How fast the joints are to move as the period begins [rad/s]."""
+        return self.qd - PERIOD * self.qdd
 
     @property
     def q_end(self) -> Float[np.ndarray, "6"]:

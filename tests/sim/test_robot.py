@@ -3,10 +3,14 @@ import pytest
 
 from breastscan.errors import RobotError
 from breastscan.geometry import kinematics, se3
+from breastscan.robot.payload import Payload, identify
 from sim.deviations import ArmConfig
+from sim.probe import payload
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
 from sim.ur5e import SPEED_LIMIT
+from sim.wrench_errors import WrenchSensorConfig
+from sim.wrench_sensor import MEASURED_AT_F
 from tests.closed_form_tissue import SpringTissue, UndefinedTissue
 
 STIFFNESS = 800.0
@@ -95,6 +99,42 @@ def test_an_arm_that_deviates_reports_by_its_calibration_while_the_truth_goes_by
     true_B = scene.X_BS @ robot.truth_log().X_SP[-1]
     np.testing.assert_allclose(true_B, scene.arm.forward(robot.state().q) @ robot.X_FP, atol=1e-9)
     assert 0.01e-3 < np.linalg.norm((reported_B - true_B)[:3, 3]) < 1e-3
+
+
+@pytest.mark.parametrize("quality", ["ideal", "industrial"])
+def test_an_arm_that_shakes_its_tool_in_the_air_feels_little_of_it(quality):
+    """2 m/s^2 on .39 kg would read .8 N as contact; what is left stays within the sensor's own noise."""
+    robot = SimRobot(Scene(SceneConfig(wrist=WrenchSensorConfig(quality=quality))))
+    robot.tare()
+    times, read, truth = PERIOD * np.arange(600), [], []
+    for t in times:
+        robot.servo_joint(HOME_Q + 0.009 * np.sin(2 * np.pi * 3.0 * t) * np.array([1, 1, 1, 0, 0, 0]))
+        read.append(robot.state().wrench_P[:3])
+        truth.append(se3.transform(robot.calibration.forward(robot.state().q) @ robot.X_FP, np.zeros(3)))
+    shaken = np.diff(truth, 2, axis=0) / PERIOD**2
+    assert np.linalg.norm(shaken[200:], axis=1).max() > 1.5
+    left = np.linalg.norm(np.array(read)[200:], axis=1)
+    assert left.max() < (1e-6 if quality == "ideal" else 5 * 0.05)
+
+
+def test_the_payload_is_identified_by_the_poses_of_the_arm_to_grams_and_millimetres():
+    """As on the robot: six poses at rest, .12 s each, with a sensor that was told nothing of the tool."""
+    scene = Scene(SceneConfig(wrist=WrenchSensorConfig(gain_error=0.0, cross_talk=0.0)))
+    robot, true = SimRobot(scene), payload(scene.config.mount_angle)
+    robot.set_payload(Payload(mass=0.0, centre_F=np.zeros(3)))
+    readings_F, R_BF = [], []
+    for turn in np.radians([[0, 0, 0], [-50, 0, 0], [50, 0, 0], [0, 50, 0], [0, -50, 0], [40, 40, 60]]):
+        robot.move_joint(HOME_Q + np.array([0, 0, 0, *turn]), 3.0, 10.0)
+        block = []
+        for _ in range(60):
+            robot.servo_joint(robot.state().q)
+            block.append(robot.reading_F())
+        readings_F.append(np.mean(block, axis=0))
+        R_BF.append(robot.calibration.forward(robot.state().q)[:3, :3])
+    found = identify(np.array(readings_F), np.array(R_BF), MEASURED_AT_F)
+    assert found.payload.mass == pytest.approx(true.mass, abs=0.003)
+    np.testing.assert_allclose(found.payload.centre_F, true.centre_F, atol=0.003)
+    assert found.force_rms < 0.05
 
 
 def test_sample_and_truth_belong_to_the_same_instant(quiet_scene):

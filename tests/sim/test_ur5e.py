@@ -1,3 +1,5 @@
+import json
+
 import mujoco
 import numpy as np
 import pytest
@@ -6,11 +8,14 @@ from dm_control import mjcf
 from breastscan.geometry import kinematics, se3
 from sim.deviations import ArmConfig, true_arm
 from sim.ur5e import JOINTS, add_arm, link_pose
+from sim.wrench_sensor import GRAVITY_W
+from tests.sim.pinocchio_arm import FILE
 
 
 def compiled(kinematics=None):
     root = mjcf.RootElement()
     root.compiler.angle = "radian"
+    root.option.gravity = GRAVITY_W
     add_arm(root, kinematics)
     return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
 
@@ -52,6 +57,46 @@ def test_link_frames_follow_one_another_as_dh_frames():
     for number in range(1, 7):
         X = X @ link_pose(number)
     np.testing.assert_allclose(X, kinematics.forward(np.zeros(6)), atol=1e-15)
+
+
+@pytest.fixture(scope="module")
+def by_pinocchio():
+    rows = json.loads(FILE.read_text(encoding="utf-8"))["samples"]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def relative_error(found, expected):
+    return np.abs(np.array(found) - expected).max() / np.abs(expected).max()
+
+
+def test_mass_matrix_gravity_and_velocity_terms_are_pinocchios(arm, by_pinocchio):
+    """The same numbers in both; see `tests.sim.pinocchio_arm`."""
+    data, mass, gravity, bias = mujoco.MjData(arm), [], [], []
+    for q, qd in zip(by_pinocchio["q"], by_pinocchio["qd"], strict=True):
+        data.qpos[:], data.qvel[:] = q, 0.0
+        mujoco.mj_forward(arm, data)
+        full = np.empty((6, 6))
+        mujoco.mj_fullM(arm, data, full)
+        mass.append(full)
+        gravity.append(data.qfrc_bias.copy())
+        data.qvel[:] = qd
+        mujoco.mj_forward(arm, data)
+        bias.append(data.qfrc_bias.copy())
+    assert relative_error(mass, by_pinocchio["mass_matrix"]) < 1e-9
+    assert relative_error(gravity, by_pinocchio["gravity"]) < 1e-9
+    assert relative_error(bias, by_pinocchio["bias"]) < 1e-9
+
+
+def test_the_jacobians_of_arm_and_controller_are_pinocchios(arm, by_pinocchio):
+    data, of_arm = mujoco.MjData(arm), []
+    for q in by_pinocchio["q"]:
+        data.qpos[:] = q
+        mujoco.mj_forward(arm, data)
+        J = np.empty((6, 6))
+        mujoco.mj_jacBody(arm, data, J[:3], J[3:], arm.body("flange").id)
+        of_arm.append(J)
+    assert relative_error(of_arm, by_pinocchio["jacobian"]) < 1e-9
+    assert relative_error(kinematics.jacobian(by_pinocchio["q"]), by_pinocchio["jacobian"]) < 1e-9
 
 
 def test_centre_of_mass_follows_the_published_one(arm):
