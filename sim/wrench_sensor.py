@@ -44,6 +44,7 @@ class WrenchSensor:
         self._white = sigma * math.sqrt((1 + self._pole) / (1 - self._pole))
         self._steps = errors.resolution * np.repeat([1.0, TORQUE_ARM], 3)
         self._range = np.repeat([errors.force_range, errors.torque_range], 3)
+        self._saturates = bool(np.isfinite(self._range).any())
         self._hold = round(1 / (errors.sample_rate * PERIOD))
         self._rng, self._noise = rng, np.empty((0, 6))
         self._to_tip = _shift_to_tip(X_FP)
@@ -102,7 +103,9 @@ class WrenchSensor:
             self._filtered_F = felt_F + noise_F * math.sqrt((1 - self._pole) / (1 + self._pole))
         else:
             self._filtered_F = self._pole * self._filtered_F + (1 - self._pole) * (felt_F + noise_F)
-        reading_F = np.minimum(np.maximum(self._filtered_F, -self._range), self._range)
+        reading_F = self._filtered_F
+        if self._saturates:
+            reading_F = np.minimum(np.maximum(reading_F, -self._range), self._range)
         return self._steps * np.rint(reading_F / self._steps) if self._steps[0] > 0 else reading_F
 
     def _next_noise(self) -> np.ndarray:

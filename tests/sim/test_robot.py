@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,12 @@ from sim.deviations import ArmConfig
 from sim.probe import payload
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
+from sim.tissue import SoftTissue
 from sim.ur5e import SPEED_LIMIT
 from sim.wrench_errors import WrenchSensorConfig
 from sim.wrench_sensor import MEASURED_AT_F
-from tests.closed_form_tissue import SpringTissue, UndefinedTissue
+from tests.closed_form_tissue import ExplodingTissue, SpringTissue, UndefinedTissue
+from tests.sim.press_poses import loop_pose
 
 STIFFNESS = 800.0
 """Stiffness of the test's spring [N/m]."""
@@ -191,14 +195,30 @@ def test_stop_brakes_gently_and_stays(quiet_scene):
     assert 0 < way < 0.05
 
 
-def test_two_runs_agree_to_the_last_bit(quiet_scene):
+def test_two_runs_agree_to_the_last_bit():
+    """The whole twin: an arm of its own, servoj, drives, the soft phantom and a sensor with every error."""
+    scene = Scene(
+        SceneConfig(
+            arm=ArmConfig(kinematics="calibrated", seed=3), wrist=WrenchSensorConfig(quality="ur5e_builtin", seed=3)
+        )
+    )
+    above = loop_pose(scene.phantom, 0.4, -0.003)
+    q_above = nearest(kinematics.inverse(scene.X_BS @ above @ se3.inverse(scene.X_FP)), HOME_Q)
     runs = []
     for _ in range(2):
-        robot = SimRobot(quiet_scene, SpringTissue(height=0.3, stiffness=STIFFNESS))
-        robot.move_joint(HOME_Q - 0.1, 0.5, 1.0)
+        robot = SimRobot(scene, SoftTissue.build(scene.phantom), q_above)
+        robot.tare()
+        for depth in np.linspace(0.0, 0.008, 100):
+            X_BF = scene.X_BS @ loop_pose(scene.phantom, 0.4, depth - 0.003) @ se3.inverse(scene.X_FP)
+            robot.servo_joint(nearest(kinematics.inverse(X_BF), q_above))
+        robot.move_joint(q_above, 0.5, 1.0)
         runs.append((robot.state(), robot.truth_log()))
-    np.testing.assert_array_equal(runs[0][0].wrench_P, runs[1][0].wrench_P)
-    np.testing.assert_array_equal(runs[0][1].X_SP, runs[1][1].X_SP)
+    (state, truth), (other_state, other_truth) = runs
+    assert truth.force_axial.max() > 1.0
+    for name, values in vars(truth).items():
+        np.testing.assert_array_equal(values, getattr(other_truth, name))
+    for name, value in vars(state).items():
+        np.testing.assert_array_equal(value, getattr(other_state, name))
 
 
 @pytest.mark.parametrize(("offset", "why"), [(np.nan, "finite"), (np.inf, "finite"), (10.0, "within"), (0.5, "jumps")])
@@ -215,6 +235,25 @@ def test_motions_that_no_arm_can_make_are_refused(quiet_scene, speed, accelerati
         SimRobot(quiet_scene).move_joint(HOME_Q, float(speed), acceleration)
 
 
-def test_a_diverging_simulation_is_reported_with_its_time(quiet_scene):
-    with pytest.raises(RobotError, match=r"diverged at 0\.000 s"):
+def test_a_contact_force_that_is_no_number_ends_the_simulation_with_time_cause_and_state(quiet_scene):
+    with pytest.raises(RobotError, match=r"diverged at 0\.000 s: the tissue's contact force is not a number") as caught:
         SimRobot(quiet_scene, UndefinedTissue())
+    with np.load(caught.value.value) as state:
+        np.testing.assert_array_equal(state["q"], HOME_Q)
+        assert np.isnan(state["applied"]).any()
+    Path(caught.value.value).unlink()
+
+
+def test_a_tissue_too_stiff_for_the_time_step_is_named_and_the_arm_stays_stopped(quiet_scene):
+    tip_S = quiet_scene.X_BS[:3, 3] - (kinematics.forward(HOME_Q) @ quiet_scene.X_FP)[:3, 3]
+    robot = SimRobot(quiet_scene, ExplodingTissue(height=-tip_S[2] - 0.001))
+    with pytest.raises(RobotError, match=r"diverged at \d\.\d\d\d s: ") as caught:
+        for q in straight_down(quiet_scene, HOME_Q, depth=0.02, speed=0.02):
+            robot.servo_joint(q)
+    with np.load(caught.value.value) as state:
+        assert np.isfinite(state["q"]).all()
+        assert 0.0 < state["time"] < 1.0
+    with pytest.raises(RobotError) as again:
+        robot.servo_joint(q)
+    assert again.value is caught.value
+    Path(caught.value.value).unlink()
