@@ -23,7 +23,8 @@ from breastscan.control.safety import Command, SafetyLimits, Sent, Workspace
 from breastscan.control.tilt import Drag, TiltMemory
 from breastscan.control.watch import Observation, Watch
 from breastscan.errors import PlanningError, RobotError
-from breastscan.geometry import kinematics, se3
+from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import Robot, RobotState
 
 TRANSFER_SPEED = 0.6
@@ -117,7 +118,7 @@ def execute(
     if not 0 <= start < len(motion.q):
         raise PlanningError(f"a plan of {len(motion.q)} rows has no row {start} to start at", start)
     log = MotionLog() if log is None else log
-    lifted = lifted_joints(motion, start, robot.X_FP)
+    lifted = lifted_joints(motion, start, robot.X_FP, robot.calibration)
     stands_there = float(np.abs(robot.state().q - lifted).max()) < NEAR
     robot.move_joint(lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     robot.tare()
@@ -160,9 +161,10 @@ class _Probe:
         self._hurry = 0.0
         self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
         self._tilt = TiltMemory()
-        X_BP = kinematics.forward(motion.at(float(first_row))) @ robot.X_FP
+        self._X_PF = se3.inverse(robot.X_FP)
+        X_BP = robot.calibration.forward(motion.at(float(first_row))) @ robot.X_FP
         self._planned_B, self._R_BP, self._velocity_B = X_BP[:3, 3], X_BP[:3, :3], np.zeros(3)
-        tips_B = (kinematics.forward(motion.q) @ robot.X_FP)[:, :3, 3]
+        tips_B = (robot.calibration.forward(motion.q) @ robot.X_FP)[:, :3, 3]
         self._workspace = Workspace.around(tips_B, motion.clearance + limits.workspace_margin)
 
     def run(
@@ -239,9 +241,10 @@ class _Probe:
     def _send(self, memory: ContactMemory, progress: Progress) -> None:
         """One command to the robot; what was decided counts once it is taken."""
         ahead = min(progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last))
-        X_BP_plan = kinematics.forward(self.motion.at(ahead)) @ self.robot.X_FP
+        arm = self.robot.calibration
+        X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
         X_BP = selection.corrected(X_BP_plan, memory.depth, (self._tilt.rx, self._tilt.ry))
-        command = Command(joints_towards(self._sent.q, X_BP, self.robot.X_FP), X_BP[:3, 3], memory.depth)
+        command = Command(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
         sent = safety.let_through(command, self._sent, self._workspace, self.limits, self.robot.period)
         if sent.fault is not None:
             self._end(sent.fault)
@@ -280,33 +283,17 @@ class _Probe:
         )
 
 
-def lifted_joints(motion: ScanMotion, row: int, X_FP: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6"]:
+def lifted_joints(
+    motion: ScanMotion, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
+) -> Float[np.ndarray, "6"]:
     """Joint angles [rad] with the tip clear of the skin above a row of the plan."""
-    q, X_BP = motion.q[row], kinematics.forward(motion.q[row]) @ X_FP
+    q = motion.q[row]
+    X_BP, X_PF = arm.forward(q) @ X_FP, se3.inverse(X_FP)
     for height in np.linspace(0.0, motion.clearance, LIFT_STEPS + 1):
         X_lifted = X_BP.copy()
         X_lifted[:3, 3] -= height * X_BP[:3, 2]
-        q = joints_towards(q, X_lifted, X_FP)
+        q = arm.step(q, X_lifted @ X_PF)
     return q
-
-
-def joints_towards(
-    q_start: Float[np.ndarray, "6"], X_BP: Float[np.ndarray, "4 4"], X_FP: Float[np.ndarray, "4 4"]
-) -> Float[np.ndarray, "6"]:
-    """Joint angles [rad] that put the tip at `X_BP`.
-
-    One Newton step from `q_start` [rad]: at 500 Hz the pose moves by less than .1 mm a period, so a step leaves
-    an error below a nanometre.
-    """
-    X_BF_goal = X_BP @ se3.inverse(X_FP)
-    X_BF = kinematics.forward(q_start)
-    twist_B = np.concatenate([X_BF_goal[:3, 3] - X_BF[:3, 3], _small_rotation(X_BF_goal[:3, :3] @ X_BF[:3, :3].T)])
-    return q_start + np.linalg.solve(kinematics.jacobian(q_start), twist_B)
-
-
-def _small_rotation(R: np.ndarray) -> np.ndarray:
-    """Rotation vector [rad] of a nearly unit rotation, to third order."""
-    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 @contextmanager

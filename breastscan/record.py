@@ -20,7 +20,7 @@ from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
 from breastscan.execution import MotionLog, ScanMotion
-from breastscan.geometry import kinematics
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
 
@@ -103,8 +103,16 @@ def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[
     pl.DataFrame(columns).write_csv(path, float_precision=7)
 
 
-def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"]) -> pl.DataFrame:
+def trajectory(
+    log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"], calibration: KinematicCalibration
+) -> pl.DataFrame:
     """The log as a table, one row a control period, the planned values beside the measured ones.
+
+    Args:
+        log: What was done.
+        motion: What was planned.
+        X_FP: Probe tip in the flange.
+        calibration: The arm's kinematics as the robot reports by them: the poses are no truer than they are.
 
     Returns:
         Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
@@ -130,8 +138,8 @@ def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"
             "target": np.stack([entry["target"] for entry in log.rows]),
             "q_plan": planned(motion.q),
             "qd_plan": planned(motion.qd),
-            "X_BP": (kinematics.forward(q) @ X_FP).reshape(-1, 16),
-            "X_BP_plan": planned(kinematics.forward(motion.q) @ X_FP),
+            "X_BP": (calibration.forward(q) @ X_FP).reshape(-1, 16),
+            "X_BP_plan": planned(calibration.forward(motion.q) @ X_FP),
             "wrench": np.stack([state.wrench_P for state in states]),
             "contact": [entry["contact"] for entry in log.rows],
         }

@@ -10,7 +10,11 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.payload import Payload
+from sim import divergence
+from sim.drives import Drives
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
@@ -18,12 +22,10 @@ from sim.servo import PERIOD, ServoJ
 from sim.tissue import SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
-from sim.wrench_sensor import WrenchSensor, moment
+from sim.wrench_sensor import GRAVITY_W, WrenchSensor
 
 SPEED_TOLERANCE = 1.05
 """Share of the speed limit above which a servo target counts as a jump."""
-DIVERGED_SPEED = 10 * SPEED_LIMIT
-"""Joint speed that no command can cause [rad/s]."""
 STOP_DECELERATION = 4.0
 """Deceleration of the leading joint on `stop` [rad/s^2]."""
 ARRIVED = 2e-4
@@ -32,6 +34,9 @@ SETTLE_TIME = 1.0
 """Longest wait for a motion to arrive [s]."""
 TARE_TIME = 0.2
 """Time over which `tare` averages the sensor's noise [s]."""
+NOTHING = np.zeros(3)
+"""Force of the tissue in free space [N]."""
+BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 
 class SimRobot:
@@ -54,19 +59,30 @@ class SimRobot:
         self._tissue = tissue
         self._X_SB = se3.inverse(scene.X_BS)
         self._X_FP = scene.X_FP
-        self._tool = self._data.body("tool")
-        self._tip = self._data.site("tip")
-        self._flange = self._data.body("flange")
-        self._joints = np.array([self._model.joint(name).qposadr[0] for name in joint_names()])
+        self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
+        self._drives = Drives()
         self._servo_lag = scene.config.servo.nominal_lag
+        self._calibration = scene.calibration
+        self._diverged: RobotError | None = None
         self._data.qpos[self._joints] = q
-        self._samples = 0
         self._advance()
+
+    def _look_up(self) -> None:
+        """Find in MuJoCo's arrays what is read and written every period; the views stay valid."""
+        model, data = self._model, self._data
+        self._joints = np.array([model.joint(name).qposadr[0] for name in joint_names()])
+        self._dofs = np.array([model.joint(name).dofadr[0] for name in joint_names()])
+        self._wanted_acceleration, self._torque = np.zeros(model.nv), np.zeros(model.nv)
+        tool, tip = data.body("tool"), data.site("tip")
+        self._tool_id, self._tip_id = tool.id, tip.id
+        self._tool_centre, self._applied = tool.xipos, tool.xfrc_applied
+        self._p_BP, self._R_BP = tip.xpos, tip.xmat.reshape(3, 3)
+        self._R_BF = data.body("flange").xmat.reshape(3, 3)
 
     @property
     def period(self) -> float:
@@ -77,6 +93,11 @@ class SimRobot:
     def X_FP(self) -> Float[np.ndarray, "4 4"]:
         """Pose of the probe tip in the flange."""
         return self._X_FP
+
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
+        return self._calibration
 
     @property
     def servo_lag(self) -> float:
@@ -135,6 +156,14 @@ class SimRobot:
         self._sensor.tare(zero_P)
         self._sample = replace(self._sample, wrench_P=self._sample.wrench_P - zero_P)
 
+    def reading_F(self) -> Float[np.ndarray, "6"]:
+        """The wrist sensor's last reading, the tool's weight and all, force first, at its measuring point [N, N m]."""
+        return self._sensor.reading_F
+
+    def set_payload(self, payload: Payload) -> None:
+        """Tell the wrist sensor what hangs on it. It starts with the tool's own numbers."""
+        self._sensor.set_payload(payload)
+
     def stop(self) -> None:
         """Brake along the present course and stay there."""
         self._brake()
@@ -157,12 +186,12 @@ class SimRobot:
 
     def _settle(self) -> None:
         """Hold the joints' place until they are there."""
-        self._go(self._servo.q_end)
+        error = np.inf
         for _ in range(round(SETTLE_TIME / PERIOD)):
-            self._advance()
-            if np.abs(self._sample.q - self._servo.q).max() < ARRIVED:
+            self._go(self._servo.q_end)
+            error = np.abs(self._sample.q - self._servo.q).max()
+            if error < ARRIVED:
                 return
-        error = np.abs(self._sample.q - self._servo.q).max()
         raise RobotError(
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
@@ -181,34 +210,51 @@ class SimRobot:
 
     def _advance(self) -> None:
         """One period: sense, press, log, integrate."""
+        if self._diverged is not None:
+            raise self._diverged
         data = self._data
-        data.ctrl[0::2], data.ctrl[1::2] = self._servo.q, self._servo.qd  # position and velocity servos alternate
         mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._joints]
-        self._press(time, q)
+        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._dofs]
+        self._wanted_acceleration[self._dofs] = self._servo.qdd
+        mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
+        inertia_torque = self._torque[self._dofs]
+        position, velocity = self._drives.commands(self._servo.q, self._servo.qd_begin, q, inertia_torque)
+        data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
+        X_SP = self._press(time, q)
         mujoco.mj_step2(self._model, data)
-        on_sensor_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
-        wrench_P = self._sensor.measure(on_sensor_F, self._flange.xmat.reshape(3, 3))
-        self._samples += 1
-        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._samples)
-        if not np.abs(data.qvel).max() < DIVERGED_SPEED:
-            raise RobotError(f"the simulation diverged at {time:.3f} s: joint speeds {data.qvel} rad/s", time)
+        load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
+        wrench_P = self._sensor.measure(load_F, self._R_BF, *self._tool_motion())
+        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._sensor.samples)
+        if divergence.has_diverged(data):
+            self._diverged = divergence.report(data, q, qd, X_SP)
+            raise self._diverged
 
-    def _press(self, time: float, q: Float[np.ndarray, "6"]) -> None:
-        """Let the tissue push the probe where it is now, and write the truth down."""
-        X_SP = self._X_SB @ se3.pose(self._tip.xmat.reshape(3, 3), self._tip.xpos)
+    def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""
+        velocity, acceleration = np.empty(6), np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, BODY, self._tool_id, velocity, 0)
+        mujoco.mj_objectAcceleration(self._model, self._data, BODY, self._tool_id, acceleration, 0)
+        return velocity[3:], acceleration[3:] + GRAVITY_W  # MuJoCo's acceleration is that against free fall
+
+    def _press(self, time: float, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
+        """Let the tissue push the probe where it is now, at `X_SP`, and write the truth down."""
+        R_SB = self._X_SB[:3, :3]
+        X_SP = self._X_SB.copy()
+        X_SP[:3, :3] = R_SB @ self._R_BP
+        X_SP[:3, 3] += R_SB @ self._p_BP
         if self._tissue is None:
-            self._truth.add(time, q, np.zeros(3), 0.0, X_SP)
-            return
-        contact = self._tissue.press(X_SP, self._X_SB[:3, :3] @ self._tip_velocity())
-        force_B = contact.force_S @ self._X_SB[:3, :3]
-        torque_B = contact.torque_S @ self._X_SB[:3, :3]
-        self._tool.xfrc_applied[:3] = force_B
-        self._tool.xfrc_applied[3:] = torque_B + moment(self._tip.xpos - self._tool.xipos, force_B)
+            self._truth.add(time, q, NOTHING, 0.0, X_SP)
+            return X_SP
+        contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
+        force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
+        mujoco.mju_cross(moment_B, lever_B, force_B)
+        self._applied[:3] = force_B
+        self._applied[3:] = contact.torque_S @ R_SB + moment_B
         self._truth.add(time, q, contact.force_S, contact.depth, X_SP)
+        return X_SP
 
     def _tip_velocity(self) -> Float[np.ndarray, "3"]:
         """Velocity of the tip in B [m/s]."""
-        spatial = np.zeros(6)
-        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_SITE, self._tip.id, spatial, 0)
+        spatial = np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, SITE, self._tip_id, spatial, 0)
         return spatial[3:]

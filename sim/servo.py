@@ -79,7 +79,14 @@ class ServoJ:
         """Where the joints are to be as the period begins [rad]."""
         self.qd = np.zeros(6)
         """How fast they are to move through it [rad/s]."""
+        self.qdd = np.zeros(6)
+        """Change of that speed since the period before, over the period [rad/s^2]."""
         self._forget_waiting()
+
+    @property
+    def qd_begin(self) -> Float[np.ndarray, "6"]:
+        """How fast the joints are to move as the period begins [rad/s]."""
+        return self.qd - PERIOD * self.qdd
 
     @property
     def q_end(self) -> Float[np.ndarray, "6"]:
@@ -94,12 +101,14 @@ class ServoJ:
         self.q = self.q_end
         self._waiting.append(target.copy())
         way = self._waiting.popleft() - (self.q + self._config.lookahead_time * self.qd)
-        self.qd = self.qd + PERIOD * self._config.gain * way
+        self.qdd = self._config.gain * way
+        self.qd = self.qd + PERIOD * self.qdd
 
     def go(self, q: Float[np.ndarray, "6"]) -> None:
         """A period of the controller's own motions, that ends at `q` [rad]."""
         self.q = self.q_end
-        self.qd = (q - self.q) / PERIOD
+        qd = (q - self.q) / PERIOD
+        self.qdd, self.qd = (qd - self.qd) / PERIOD, qd
         self._forget_waiting()
 
     def _forget_waiting(self) -> None:

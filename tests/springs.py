@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 
 PERIOD = 0.008
@@ -24,6 +25,7 @@ class SpringRobot:
 
     def __init__(self, q, height, stiffness=1000.0, late=0):
         self.q, self.height, self.stiffness = np.array(q, float), height, stiffness
+        self.calibration = KinematicCalibration.nominal()
         self.X_FP, self.time, self.offset = X_FP, 0.0, np.zeros(6)
         self.servo_lag, self._waiting = late * self.period, deque([self.q] * late)
         self.qd, self.stopped, self.largest_force = np.zeros(6), False, 0.0

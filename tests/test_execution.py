@@ -11,6 +11,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import PlanningError, RobotError, SafetyError
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from tests.springs import PERIOD, X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -49,7 +50,7 @@ def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
         error = caught
-    return robot, record.trajectory(log, motion, robot.X_FP), error
+    return robot, record.trajectory(log, motion, robot.X_FP, robot.calibration), error
 
 
 def phases_of(table):
@@ -172,7 +173,7 @@ def test_skin_that_falls_away_is_searched_for_and_found(motion):
 
     robot.servo_joint = falling
     execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
-    table = record.trajectory(log, motion, robot.X_FP)
+    table = record.trajectory(log, motion, robot.X_FP, robot.calibration)
     assert "search" in phases_of(table)
     assert phases_of(table)[-3:] == ["loop", "lift", "retreat"]
     assert np.abs(loop_force(table)[-60:] - 5.0).max() < 0.1
@@ -213,8 +214,10 @@ def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_newton_step_puts_the_tip_where_it_belongs(motion):
-    X_goal = kinematics.forward(motion.q[100]) @ X_FP
-    X_goal[:3, 3] += 0.0001 * X_goal[:3, 2]
-    X_reached = kinematics.forward(execution.joints_towards(motion.q[100], X_goal, X_FP)) @ X_FP
-    np.testing.assert_allclose(X_reached, X_goal, atol=1e-7)
+@pytest.mark.parametrize("deviation", [0.0, 1e-3])
+def test_the_probe_is_lifted_up_its_axis_on_whatever_arm(motion, deviation):
+    arm = KinematicCalibration.from_dh_corrections(**dict.fromkeys(("theta", "d", "a", "alpha"), np.full(6, deviation)))
+    X_lifted = arm.forward(motion.q[100]) @ X_FP
+    X_lifted[:3, 3] -= CLEARANCE * X_lifted[:3, 2]
+    X_reached = arm.forward(execution.lifted_joints(motion, 100, X_FP, arm)) @ X_FP
+    np.testing.assert_allclose(X_reached, X_lifted, atol=1e-7)

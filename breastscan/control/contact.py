@@ -1,7 +1,7 @@
 """From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig. 23].
 
 The correction is a rate, from one of `control.laws`, bounded, and summed to a depth; `control.selection` joins it with
-the plan. Pure functions of (measurement, reference, memory) -> memory, so that the twin and the robot run the same code.
+the plan. Pure functions of (measurement, reference, memory) -> memory: the twin and the robot run the same code.
 """
 
 import math

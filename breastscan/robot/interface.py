@@ -10,6 +10,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotState:
@@ -41,6 +43,13 @@ class Robot(Protocol):
     @property
     def X_FP(self) -> Float[np.ndarray, "4 4"]:
         """Pose of the probe tip in the flange, as the tool was set up."""
+        ...
+
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The arm's kinematics as read from its controller, which plan and control go by; the nominal ones where
+        nothing was read. The true ones are known to nobody.
+        """
         ...
 
     @property
