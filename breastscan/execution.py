@@ -37,8 +37,6 @@ REFUSALS = 25
 """Refused commands in a row after which a retreat is given up: the robot does not take commands again."""
 NEAR = 0.05
 """Joint distance within which a robot still stands where an earlier scan left it [rad]."""
-LIFT_STEPS = 50
-"""Steps in which a joint solution is carried off the skin: a millimetre or so each, where Newton's are exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,7 +241,7 @@ class _Probe:
         ahead = min(progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last))
         arm = self.robot.calibration
         X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
-        X_BP = selection.corrected(X_BP_plan, memory.depth, (self._tilt.rx, self._tilt.ry))
+        X_BP = selection.corrected(X_BP_plan, memory.depth, self._tilt.rx, self._tilt.ry)
         command = Command(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
         sent = safety.let_through(command, self._sent, self._workspace, self.limits, self.robot.period)
         if sent.fault is not None:
@@ -254,7 +252,7 @@ class _Probe:
             self._refuse(error)
             return
         self._memory, self._sent, self._refused = memory, sent, 0
-        self._progress = progress if self.error is None else phases.escape(progress)
+        self._progress = progress if self.error is None else phases.escape(progress, self._felt)
         self._state = self.robot.state()
         self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
         self._velocity_B = (X_BP_plan[:3, 3] - self._planned_B) / self.robot.period
@@ -265,7 +263,7 @@ class _Probe:
         """Begin the retreat; the first error is the one that is told."""
         if self.error is None:
             self.error = error
-        self._progress = phases.escape(self._progress)
+        self._progress = phases.escape(self._progress, self._felt)
 
     def _refuse(self, error: RobotError) -> None:
         """Stop, and begin the retreat from wherever the robot then is, should it take commands again."""
@@ -276,24 +274,30 @@ class _Probe:
             self._state = self.robot.state()
             self._sent = Sent.resting(self._state.q)
 
+    @property
+    def _felt(self) -> float:
+        """Depth at which the skin is felt [m], 0 in the air."""
+        return 0.0 if self._memory.surface is None else self._memory.depth
+
     def _observation(self) -> Observation:
         state = self._state
         return Observation(
-            state.time, state.sample, state.wrench_P, self.config.force, self._memory.depth, self.robot.period
+            state.time,
+            state.sample,
+            tuple(state.wrench_P.tolist()),
+            self.config.force,
+            self._memory.depth,
+            self.robot.period,
         )
 
 
 def lifted_joints(
     motion: ScanMotion, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
 ) -> Float[np.ndarray, "6"]:
-    """Joint angles [rad] with the tip clear of the skin above a row of the plan."""
-    q = motion.q[row]
-    X_BP, X_PF = arm.forward(q) @ X_FP, se3.inverse(X_FP)
-    for height in np.linspace(0.0, motion.clearance, LIFT_STEPS + 1):
-        X_lifted = X_BP.copy()
-        X_lifted[:3, 3] -= height * X_BP[:3, 2]
-        q = arm.step(q, X_lifted @ X_PF)
-    return q
+    """Joint angles [rad] with the tip clear of the skin above a row of the plan; NaN where they cannot be reached."""
+    X_lifted = arm.forward(motion.q[row]) @ X_FP
+    X_lifted[:3, 3] -= motion.clearance * X_lifted[:3, 2]
+    return arm.refined(motion.q[row], X_lifted @ se3.inverse(X_FP))
 
 
 @contextmanager

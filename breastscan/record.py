@@ -24,12 +24,16 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
 
+ABORTED = "aborted"
+"""Where in a run folder that lies which was measured before a scan was cut off."""
+
 
 @contextmanager
 def staged(out: Path) -> Iterator[Path]:
     """Yield an empty folder whose files move into `out` when the block ends well, and vanish when it does not.
 
-    Whatever an earlier run left in `out` stays whole until the new results are complete.
+    Whatever an earlier run left in `out` stays whole until the new results are complete; only then goes what a scan
+    that was cut off left in `ABORTED`.
 
     Raises:
         ConfigError: `out` cannot be written; said before any work is done.
@@ -45,6 +49,7 @@ def staged(out: Path) -> Iterator[Path]:
         yield folder
         for path in sorted(folder.iterdir()):
             os.replace(path, out / path.name)
+        shutil.rmtree(out / ABORTED, ignore_errors=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -101,6 +106,27 @@ def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[
     """Write the path's points [m] and unit normals in B as CSV."""
     columns = dict(zip(("x_m", "y_m", "z_m", "nx", "ny", "nz"), np.hstack([points_B, normals_B]).T, strict=True))
     pl.DataFrame(columns).write_csv(path, float_precision=7)
+
+
+def write_aborted(out: Path, table: pl.DataFrame, error: BaseException) -> Path:
+    """Save what was measured before a scan was cut off, beside the results of earlier runs.
+
+    Args:
+        out: The run folder.
+        table: As `trajectory` makes it.
+        error: What ended the scan.
+
+    Returns:
+        The folder with `trajectory.parquet` and `abort.json`.
+    """
+    folder = out / ABORTED
+    folder.mkdir(parents=True, exist_ok=True)
+    table.write_parquet(folder / "trajectory.parquet")
+    on_path = table["s"].drop_nans()
+    reached = None if on_path.is_empty() else on_path[-1]
+    content = {"error": type(error).__name__, "message": str(error), "path_reached_m": reached, "versions": versions()}
+    write_json(folder / "abort.json", content)
+    return folder
 
 
 def trajectory(

@@ -93,6 +93,10 @@ class ScanResult:
     """Wall time of each stage [s]."""
 
 
+Keep = Callable[[ScanMotion, MotionLog, BaseException], None]
+"""Saves what was measured before an error cut a scan off."""
+
+
 class Stages:
     """Times the stages by name, and tells a listener which one runs and how far it is."""
 
@@ -117,6 +121,7 @@ def scan(
     config: ScanConfig,
     stages: Stages,
     clearances: Clearances | None = None,
+    keep: Keep = lambda motion, log, error: None,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
 
@@ -127,6 +132,7 @@ def scan(
         config: Every setting.
         stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
+        keep: Is given the plan, what was measured, and the error that cuts the execution off.
 
     Raises:
         CalibrationError: The rig has no hand-eye calibration.
@@ -139,8 +145,13 @@ def scan(
         images = camera.capture()
     reconstruction = perceive(images, rig, config, stages)
     plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
+    log = MotionLog()
     with stages.stage("execution") as progress:
-        log = execution.execute(robot, plan.motion, config.contact, config.safety, progress=progress)
+        try:
+            execution.execute(robot, plan.motion, config.contact, config.safety, log=log, progress=progress)
+        except BaseException as error:
+            keep(plan.motion, log, error)
+            raise
     return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
 
 

@@ -1,5 +1,6 @@
 """One whole scan of the simulated phantom, measured against the truth: what does each stage get wrong?"""
 
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from breastscan import metrics, record, report
+from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
 from breastscan.scan import ScanConfig, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
@@ -63,7 +65,9 @@ def run(
         stages = Stages(_Bar(progress))
         scene_config = seeded(scene_config, seed)
         scene, tissue = build_world(scene_config, stages)
-        measured = measure(scene, tissue, config, stages, estimated)
+        measured = measure(
+            scene, tissue, config, stages, estimated, aborted=lambda table, error: _keep(out, table, error, console)
+        )
         write(folder, measured, {"seed": seed, "video": video, "rig": rig, "scan": config, "scene": scene_config})
         if video:
             with stages.stage("video") as report_share:
@@ -98,18 +102,29 @@ def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, SoftTissue]
 
 
 def measure(
-    scene: Scene, tissue: SoftTissue, config: ScanConfig, stages: Stages, estimated: StereoRig | None = None
+    scene: Scene,
+    tissue: SoftTissue,
+    config: ScanConfig,
+    stages: Stages,
+    estimated: StereoRig | None = None,
+    aborted: Callable[[pl.DataFrame, BaseException], None] = lambda table, error: None,
 ) -> Measured:
     """One scan of the twin, and its errors. The scan sees the images, the rig and the cell's shapes.
 
-    With an estimated rig, its errors are part of the surface's: points are compared in the robot's base.
+    With an estimated rig, its errors are part of the surface's: points are compared in the robot's base. Of a scan that
+    is cut off while the probe moves, `aborted` is given the trajectory so far and the error.
     """
     rig = estimated or scene.rig
     robot = SimRobot(scene, tissue)
+
+    def keep(motion: ScanMotion, log: MotionLog, error: BaseException) -> None:
+        if log.rows:
+            aborted(record.trajectory(log, motion, robot.X_FP, robot.calibration), error)
+
     with stages.stage("cameras"):
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
-        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False))
+        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False), keep)
     table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
@@ -140,6 +155,11 @@ def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None
     record.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
     record.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
     measured.trajectory.write_parquet(folder / "trajectory.parquet")
+
+
+def _keep(out: Path, table: pl.DataFrame, error: BaseException, console: Console) -> None:
+    folder = record.write_aborted(out, table, error)
+    console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
 
 
 def _footage(table: pl.DataFrame) -> Footage:

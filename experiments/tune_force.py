@@ -24,9 +24,9 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LAWS
 from experiments.reduced_contact import SENSORS, Plant, breathing, ramped, run, together, waviness
 
-EVALUATIONS = 192
+EVALUATIONS = 128
 """Of every law."""
-SCREENED = 128
+SCREENED = 64
 """Of these, Sobol points."""
 DURATION, STEADY_AFTER = 6.0, 1.5
 """Of a case, and from when its error counts [s]."""
@@ -58,8 +58,8 @@ BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
     "fuzzy-pd": {
         "gains.fuzzy_pd.proportional": (0.3e-3, 30e-3),
         "gains.fuzzy_pd.derivative": (1e-6, 1e-3),
-        "gains.fuzzy_pd.proportional_reach": (0.05, 1.0),
-        "gains.fuzzy_pd.derivative_reach": (0.05, 1.0),
+        "gains.fuzzy_pd.proportional_swing": (0.05, 1.0),
+        "gains.fuzzy_pd.derivative_swing": (0.05, 1.0),
         "gains.fuzzy_pd.error_scale": (0.05, 5.0),
         "gains.fuzzy_pd.change_scale": (0.5, 100.0),
         "gains.fuzzy_pd.filter_hz": (2.0, 100.0),
@@ -70,7 +70,7 @@ BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
         "gains.admittance.filter_hz": (2.0, 100.0),
     },
 }
-"""What is searched, and within which bounds, on a logarithmic scale. The reaches are shares of the fuzzy gains here."""
+"""What is searched, and within which bounds, on a logarithmic scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +139,6 @@ def cost(config: ContactConfig, seed: int) -> float:
 def with_values(config: ContactConfig, values: dict[str, float]) -> ContactConfig:
     """The config with some settings replaced, named by their path."""
     for path, value in values.items():
-        if path.endswith("_reach"):
-            value *= values[path.removesuffix("_reach")]
         config = _with_value(config, path.split("."), value)
     return config
 
@@ -172,8 +170,11 @@ def tune(law: str) -> tuple[dict[str, float], float]:
 def main(out: Path = Path("out/tune_force")) -> None:
     """Tune every law, print its gains and its errors on held-out seeds."""
     console = Console(width=160)
-    results: Any = joblib.Parallel(n_jobs=2)(joblib.delayed(tune)(law) for law in LAWS)
-    tuned = dict(zip(LAWS, results, strict=True))
+    work = joblib.Parallel(n_jobs=2, return_as="generator")
+    tuned: dict[str, tuple[dict[str, float], float]] = {}
+    for law, (values, least) in zip(LAWS, work(joblib.delayed(tune)(law) for law in LAWS), strict=True):  # type: ignore[misc]
+        console.print(law, round(least, 3), {name: float(f"{value:.3g}") for name, value in values.items()})
+        tuned[law] = values, least
     table = Table("case", *LAWS, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
     configs = {law: with_values(ContactConfig(law=law), values) for law, (values, _) in tuned.items()}  # type: ignore[arg-type]
     for name, case in cases().items():
@@ -181,8 +182,6 @@ def main(out: Path = Path("out/tune_force")) -> None:
         table.add_row(name, *(f"{value:.3f}" for value in errors))
     table.add_row("mean over its bar, tuning seed", *(f"{least:.3f}" for _, least in tuned.values()))
     console.print(table)
-    for law, (values, _) in tuned.items():
-        console.print(law, {name: float(f"{value:.3g}") for name, value in values.items()})
     out.mkdir(parents=True, exist_ok=True)
     record.write_json(out / "gains.json", {law: values for law, (values, _) in tuned.items()})
 

@@ -43,32 +43,31 @@ class FuzzyGains:
     """Change of the error that is called big [N/s]."""
     proportional: float = 0.010
     """Speed of the correction per force error [m/s/N]."""
-    proportional_reach: float = 0.005
-    """What the rules add to it at most, either way [m/s/N]."""
+    proportional_swing: float = 0.5
+    """Share of it that the rules add or take away at most [-]."""
     derivative: float = 2e-4
     """Speed of the correction per change of the force error [m/N]."""
-    derivative_reach: float = 1e-4
-    """What the rules add to it at most, either way [m/N]."""
+    derivative_swing: float = 0.5
+    """Share of it that the rules add or take away at most [-]."""
     filter_hz: float = 25.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "fuzzy")
-        for name in ("proportional", "derivative"):
-            gain, reach = getattr(self, name), getattr(self, f"{name}_reach")
-            if reach > gain:
+        for name, swing in (("proportional", self.proportional_swing), ("derivative", self.derivative_swing)):
+            if swing > 1.0:
                 raise ConfigError(
-                    f"fuzzy.{name}-reach ({reach}) must not be greater than the gain ({gain}): a gain that turns "
-                    "negative would push the wrong way",
-                    reach,
+                    f"fuzzy.{name}-swing must be 1 at most, got {swing}: a gain that turns negative would push the "
+                    "wrong way",
+                    swing,
                 )
 
     def at(self, error: float, change: float) -> tuple[float, float]:
         """Proportional [m/s/N] and derivative gain [m/N] at a force error [N] and its change [N/s]."""
         dkp, dkd = infer(LARGEST * error / self.error_scale, LARGEST * change / self.change_scale)
         return (
-            self.proportional + self.proportional_reach * dkp / LARGEST,
-            self.derivative + self.derivative_reach * dkd / LARGEST,
+            self.proportional * (1.0 + self.proportional_swing * dkp / LARGEST),
+            self.derivative * (1.0 + self.derivative_swing * dkd / LARGEST),
         )
 
 

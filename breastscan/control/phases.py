@@ -159,12 +159,12 @@ def step(progress: Progress, now: Situation, route: Route, force: float, config:
     after, demand = _STEPS[progress.phase](progress, now, route, force, config)
     feed = _feed(after, route, config, period)
     row = min(after.row + feed, float(route.last))
-    return replace(after, clock=after.clock + period, row=row, feed=feed), demand
+    return Progress(after.phase, after.clock + period, row, feed, after.entry), demand
 
 
-def escape(progress: Progress) -> Progress:
-    """The way out of any phase."""
-    return progress if progress.phase in (Phase.ESCAPE, Phase.DONE) else _enter(progress, Phase.ESCAPE)
+def escape(progress: Progress, felt: float) -> Progress:
+    """The way out of any phase; the skin was `felt` at that depth [m], 0 where it was not."""
+    return progress if progress.phase in (Phase.ESCAPE, Phase.DONE) else _enter(progress, Phase.ESCAPE, felt)
 
 
 def ramp(clock: float, start: float, end: float, duration: float) -> Reference:
@@ -263,12 +263,12 @@ def _halt(progress: Progress, now: Situation, route: Route, force: float, config
 
 def _lift(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
     if progress.clock >= config.ramp_time or not now.touching:
-        return _enter(progress, Phase.RETREAT), Demand(leaves=True)
+        return _enter(progress, Phase.RETREAT, now.depth), Demand(leaves=True)
     return progress, Demand(reference=ramp(progress.clock, progress.entry, 0.0, config.ramp_time))
 
 
 def _retreat(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
-    if now.depth > -route.clearance:
+    if now.depth > _clear(progress, route):
         return progress, Demand(speed=-config.retreat_speed)
     if now.rate < 0.0:
         return progress, Demand()
@@ -276,12 +276,17 @@ def _retreat(progress: Progress, now: Situation, route: Route, force: float, con
     return _enter(progress, Phase.DONE if finished else Phase.PAUSE), Demand()
 
 
+def _clear(progress: Progress, route: Route) -> float:
+    """Depth at which a retreat ends [m]: as far from the planned skin as from where the skin was felt."""
+    return min(progress.entry, 0.0) - route.clearance
+
+
 def _pause(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
     return (progress if now.pause else _enter(progress, Phase.APPROACH)), Demand()
 
 
 def _escape(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
-    if now.depth > -route.clearance:
+    if now.depth > _clear(progress, route):
         return progress, Demand(speed=-config.escape_speed)
     at_rest = now.rate == 0.0 and progress.feed == 0.0
     return (_enter(progress, Phase.DONE) if at_rest else progress), Demand()

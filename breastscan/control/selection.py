@@ -6,22 +6,29 @@ error. That acts along the planned axis, so that a probe that turns does not lea
 """
 
 import math
+from typing import no_type_check
 
-import numpy as np
-from jaxtyping import Float
+import numba
 
 
-def corrected(X_BP: Float[np.ndarray, "4 4"], depth: float, turn: tuple[float, float]) -> Float[np.ndarray, "4 4"]:
+@numba.njit(cache=True)
+@no_type_check
+def corrected(X_BP, depth, rx, ry):
     """The pose that is sent.
 
     Args:
-        X_BP: Planned pose of the tip.
+        X_BP: Planned pose of the tip, (4, 4) [m].
         depth: Along the planned axis [m].
-        turn: Of the probe about its own x and y, with the tip in place [rad].
+        rx: Turn of the probe about its own x, with the tip in place [rad].
+        ry: The same about its y then [rad].
     """
-    (cx, sx), (cy, sy) = ((math.cos(angle), math.sin(angle)) for angle in turn)
-    R_turn = np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])
+    cx, sx, cy, sy = math.cos(rx), math.sin(rx), math.cos(ry), math.sin(ry)
     X_sent = X_BP.copy()
-    X_sent[:3, :3] = X_BP[:3, :3] @ R_turn
-    X_sent[:3, 3] += depth * X_BP[:3, 2]
+    for i in range(3):
+        x, y, z = X_BP[i, 0], X_BP[i, 1], X_BP[i, 2]
+        across = cx * z - sx * y
+        X_sent[i, 0] = cy * x - sy * across
+        X_sent[i, 1] = cx * y + sx * z
+        X_sent[i, 2] = sy * x + cy * across
+        X_sent[i, 3] += depth * z
     return X_sent

@@ -6,9 +6,6 @@ Pure functions of (observation, watch) -> (fault, watch).
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from jaxtyping import Float
-
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError, RobotError, SafetyError
 
@@ -21,8 +18,8 @@ class Observation:
     """Robot's clock [s]."""
     sample: int
     """Count of the sensor's samples."""
-    wrench_P: Float[np.ndarray, "6"]
-    """Of the tissue on the probe [N, N m]."""
+    wrench_P: tuple[float, ...]
+    """Of the tissue on the probe, force first [N, N m]."""
     set_point: float
     """Pressing force that is wanted at most [N]."""
     depth: float
@@ -42,7 +39,7 @@ class Watch:
     sample: int
     sampled: float
     """Robot's clock when the sample's count last rose [s]."""
-    wrench_P: Float[np.ndarray, "6"]
+    wrench_P: tuple[float, ...]
     changed: float
     """Robot's clock when the wrench last changed [s]."""
     changed_at: float
@@ -65,7 +62,7 @@ def look(now: Observation, watch: Watch, limits: SafetyLimits) -> tuple[BreastSc
         held = Watch(watch.time, silent, watch.sample, watch.sampled, watch.wrench_P, watch.changed, watch.changed_at)
         return _silence(silent * now.period, limits), held
     fresh = now.sample != watch.sample
-    moved = bool((now.wrench_P != watch.wrench_P).any())
+    moved = now.wrench_P != watch.wrench_P
     after = Watch(
         now.time,
         0,
@@ -101,7 +98,7 @@ def _lateness(late: float, limits: SafetyLimits) -> BreastScanError | None:
 
 def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanError | None:
     """Judge a wrench by itself and by the one before it."""
-    fx, fy, fz, tx, ty, tz = now.wrench_P.tolist()
+    fx, fy, fz, tx, ty, tz = now.wrench_P
     force, torque = math.sqrt(fx * fx + fy * fy + fz * fz), math.sqrt(tx * tx + ty * ty + tz * tz)
     if not (math.isfinite(force) and math.isfinite(torque)):
         return SafetyError("the force sensor sent a number that is not finite: check its cable and power", now.wrench_P)
@@ -111,7 +108,7 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
             "or unplugged?",
             now.wrench_P,
         )
-    if abs(fz - float(watch.wrench_P[2])) > limits.force_step:
+    if abs(fz - watch.wrench_P[2]) > limits.force_step:
         return SafetyError(
             f"the measured force jumped from {-watch.wrench_P[2]:.1f} to {-fz:.1f} N between two samples, no contact "
             "does that: check the sensor and its cable",

@@ -63,11 +63,11 @@ def test_the_rules_never_leave_their_universe(error, change):
 
 
 @given(error=SCALED, change=SCALED)
-def test_gains_stay_within_their_reach_and_positive(error, change):
+def test_gains_stay_within_their_swing_and_positive(error, change):
     gains = FuzzyGains()
     kp, kd = gains.at(error, 10.0 * change)
-    assert gains.proportional - gains.proportional_reach <= kp <= gains.proportional + gains.proportional_reach
-    assert gains.derivative - gains.derivative_reach <= kd <= gains.derivative + gains.derivative_reach
+    assert abs(kp / gains.proportional - 1.0) <= gains.proportional_swing + 1e-12
+    assert abs(kd / gains.derivative - 1.0) <= gains.derivative_swing + 1e-12
     assert kp > 0
     assert kd > 0
 
@@ -75,10 +75,10 @@ def test_gains_stay_within_their_reach_and_positive(error, change):
 def test_a_big_and_growing_error_gets_the_largest_proportional_gain():
     gains = FuzzyGains()
     growing, shrinking = gains.at(2.0, 20.0)[0], gains.at(2.0, -20.0)[0]
-    assert growing == pytest.approx(gains.proportional + gains.proportional_reach)
+    assert growing == pytest.approx(gains.proportional * (1.0 + gains.proportional_swing))
     assert shrinking < growing
 
 
-def test_a_reach_that_could_turn_a_gain_negative_is_refused():
-    with pytest.raises(ConfigError, match="proportional-reach"):
-        FuzzyGains(proportional=0.01, proportional_reach=0.02)
+def test_a_swing_that_could_turn_a_gain_negative_is_refused():
+    with pytest.raises(ConfigError, match="derivative-swing"):
+        FuzzyGains(derivative_swing=1.1)

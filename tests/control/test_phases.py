@@ -71,7 +71,7 @@ def test_what_must_not_be_is_told(phase, now, error):
 
 @given(phase=st.sampled_from(list(Phase)))
 def test_every_phase_leads_to_the_escape_which_stops_the_path_within_a_tenth_of_a_second(phase):
-    progress = phases.escape(Progress(phase, row=500.0, feed=1.0))
+    progress = phases.escape(Progress(phase, row=500.0, feed=1.0), SKIN.depth)
     if phase is Phase.DONE:
         assert progress.phase is Phase.DONE
         return
@@ -80,6 +80,13 @@ def test_every_phase_leads_to_the_escape_which_stops_the_path_within_a_tenth_of_
         assert demand.speed == -CONFIG.escape_speed
     assert progress.feed == 0.0
     assert progress.row < 500.0 + CONFIG.escape_feed_time / PERIOD
+
+
+@pytest.mark.parametrize(("entry", "ends_at"), [(0.005, -0.03), (-0.010, -0.04)])
+def test_a_retreat_goes_as_far_from_where_the_skin_was_as_from_where_it_was_planned(entry, ends_at):
+    for depth, speed in ((ends_at + 1e-4, -CONFIG.escape_speed), (ends_at - 1e-4, 0.0)):
+        now = Situation(depth, -0.1, 0.0, False)
+        assert step(phases.escape(Progress(Phase.LOOP), entry), now)[1].speed == speed
 
 
 def test_the_feed_rises_over_its_time_and_the_row_with_it():

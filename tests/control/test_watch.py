@@ -14,7 +14,7 @@ LIMITS, PERIOD = SafetyLimits(), 0.002
 
 def wrench(**parts):
     values = dict.fromkeys(("fx", "fy", "fz", "tx", "ty", "tz"), 0.0) | parts
-    return np.array(list(values.values()))
+    return tuple(values.values())
 
 
 def observation(k=0, wrench_P=None, depth=0.0, **changed):
