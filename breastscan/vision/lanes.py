@@ -213,12 +213,27 @@ def chosen(typing_context, mask, a, b):
 
 
 @_primitive
-def first_equal(typing_context, a, b):
-    """The first lane in which `a` and `b` are equal, `LANES` if they differ in all."""
+def lane_numbers(typing_context, a):
+    """The number of each lane, 0 to `LANES` - 1, in lanes like those of `a`."""
 
     def emit(context, builder, signature, operands):
-        equal = builder.bitcast(builder.icmp_unsigned("==", *operands), ir.IntType(LANES))
-        trailing_zeros = builder.cttz(equal, ir.Constant(ir.IntType(1), 0))
-        return builder.zext(trailing_zeros, ir.IntType(64))
+        return ir.Constant(operands[0].type, list(range(LANES)))
+
+    return a(a), emit
+
+
+@_primitive
+def equal(typing_context, a, b):
+    """A number whose bit i tells whether `a` and `b` are equal in lane i."""
+
+    def emit(context, builder, signature, operands):
+        bits = builder.bitcast(builder.icmp_unsigned("==", *operands), ir.IntType(LANES))
+        return builder.zext(bits, ir.IntType(64))
 
     return types.int64(a, b), emit
+
+
+@_primitive
+def count_bits(typing_context, bits):
+    """The number of bits set in a number."""
+    return types.int64(types.int64), lambda context, builder, signature, operands: builder.ctpop(operands[0])

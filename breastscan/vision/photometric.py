@@ -25,7 +25,7 @@ LEAST_NOISE = 0.3
 class FitConfig:
     """How the field is fitted to the images."""
 
-    smoothing: float = 3.0
+    smoothing: float = 10.0
     """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
     huber: float = 2.5
     """A residual beyond this many deviations of the noise counts less."""

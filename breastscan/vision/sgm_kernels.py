@@ -12,10 +12,13 @@ from breastscan.vision.census import PLANES, hamming
 from breastscan.vision.lanes import (
     LANES,
     add_saturated,
-    first_equal,
+    chosen,
     kernel,
+    lane_numbers,
+    less,
     load,
     minimum,
+    smallest,
     splat,
     store,
     widened,
@@ -94,45 +97,64 @@ def matching_cost(string, planes, x):
 
 
 @kernel
-def rise_over(here, beside, floor, matching):
+def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
+    """C(p, d) for the left columns from `first` on, all disparities of one before those of the next."""
+    for x in range(width):
+        string = census_string(left_row, first + x)
+        for e in range(0, disparities, LANES):
+            store(costs, x * disparities + e, matching_cost(string, right_row, x + e))
+
+
+@kernel
+def bounds(floor, matching):
+    """The least path cost behind, and what a jump from there costs: in every lane, once for all disparities."""
+    return splat(floor), splat(np.uint8(floor + matching.P2))
+
+
+@kernel
+def rise_over(here, beside, behind, matching):
     """L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the line.
 
     Args:
         here: Its path costs at d.
         beside: The smaller ones of those at d - 1 and d + 1.
-        floor: Its least path cost.
+        behind: Its `bounds`.
         matching: The penalties.
     """
-    jump = splat(np.uint8(floor + matching.P2))
-    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - splat(floor)
+    floor, jump = behind
+    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - floor
 
 
 @kernel
-def advance(behind, source, ahead, target, e, cost, lowest, disparities, matching):
-    """One line, one pixel onwards: stores L_r(p, d) in slot `target`, gives L_r - C and the least L_r so far."""
-    start = slot_start(source, disparities) + e
-    beside = minimum(load(behind.path_costs, start - 1), load(behind.path_costs, start + 1))
-    rise = rise_over(load(behind.path_costs, start), beside, behind.floors[source], matching)
-    store(ahead.path_costs, slot_start(target, disparities) + e, cost + rise)
+def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, matching):
+    """One line, one pixel onwards: stores L_r(p, d) at `ahead_start`, gives L_r - C and the least L_r so far."""
+    beside = minimum(load(path_costs, start - 1), load(path_costs, start + 1))
+    rise = rise_over(load(path_costs, start), beside, behind, matching)
+    store(ahead_costs, ahead_start, cost + rise)
     return rise, minimum(lowest, cost + rise)
 
 
 @kernel
 def total_cost(cost, rises, stored_rises, paths):
     """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's paths add to it."""
-    twice = widened(cost) + widened(cost)
-    quadruple = twice + twice
-    return widened(rises) + widened(stored_rises) + (quadruple + quadruple if paths == 8 else quadruple)
+    twice = cost + cost
+    if paths == 4:  # all rises together still fit 8 bits, and so does 4 C
+        return widened(twice + twice) + widened(rises + stored_rises)
+    quadruple = widened(twice + twice)
+    return quadruple + quadruple + widened(rises) + widened(stored_rises)
 
 
 @kernel
-def first_index(totals, start, disparities, least):
-    """Index of the first total equal to `least` [Zhang, Eq. 6]: of equal ones the nearest surface."""
-    index = 0
-    for e in range(disparities - LANES, -1, -LANES):
-        lane = first_equal(load(totals, start + e), least)
-        index = e + lane if lane < LANES else index
-    return index
+def nearer(total, e, lowest, at):
+    """The least total of each lane so far and the index of its first lane where it stands, after those from `e` on."""
+    return minimum(lowest, total), chosen(less(total, lowest), splat(np.uint16(e)), at)
+
+
+@kernel
+def first_index(lowest, at):
+    """Index of the least total [Zhang, Eq. 6]: of equal ones the nearest surface."""
+    beaten = less(splat(smallest(lowest)), lowest)
+    return np.int64(smallest(chosen(beaten, splat(WORST_TOTAL), at + lane_numbers(at))))
 
 
 @kernel

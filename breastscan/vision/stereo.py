@@ -9,7 +9,8 @@ from jaxtyping import Float32, UInt8
 
 from breastscan.errors import PerceptionError
 from breastscan.vision.census import census
-from breastscan.vision.lanes import LANES, kernel
+from breastscan.vision.disparity_filters import filtered
+from breastscan.vision.lanes import LANES
 from breastscan.vision.sgm import semi_global_disparity
 from breastscan.vision.sgm_kernels import Matching
 
@@ -32,6 +33,8 @@ class StereoConfig:
     """Largest difference between the left and the right image's winner [px] [Zhang, Eq. 7]."""
     subpixel: Literal["equiangular", "parabola"] = "equiangular"
     """Fit of the cost about its minimum. Census costs form a V: a parabola is drawn to whole pixels."""
+    speckle_px: int = 100
+    """Connected patches of fewer pixels are matches by chance and become unknown [px]; 0 for none."""
     median_px: Literal[1, 3, 5] = 5
     """Side of the median filter's window [px]; 1 for none."""
 
@@ -49,6 +52,8 @@ class StereoConfig:
             raise ValueError(f"consistency_px must be 0 or more, got {self.consistency_px}")
         if self.subpixel not in ("equiangular", "parabola"):
             raise ValueError(f"subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}")
+        if self.speckle_px < 0:
+            raise ValueError(f"speckle_px must be 0 or more, got {self.speckle_px}")
         if self.median_px not in (1, 3, 5):
             raise ValueError(f"median_px must be 1, 3 or 5, got {self.median_px}")
 
@@ -79,10 +84,10 @@ def disparity_map(
         )
     continued = cv2.copyMakeBorder(right, 0, 0, config.num_disparities - 1, 0, cv2.BORDER_REPLICATE)
     disparity = np.full((height, width), np.nan, np.float32)
-    disparity[:, config.min_disparity :] = semi_global_disparity(
-        np.ascontiguousarray(census(left)[:, :, config.min_disparity :]),
+    semi_global_disparity(
+        census(left),
         census(continued),
-        width=matched,
+        disparity[:, config.min_disparity :],
         disparities=config.num_disparities,
         paths=config.paths,
         matching=Matching(
@@ -93,46 +98,4 @@ def disparity_map(
             equiangular=config.subpixel == "equiangular",
         ),
     )
-    return median_of_known(disparity, config.median_px)
-
-
-def median_of_known(disparity: Float32[np.ndarray, "h w"], size: int) -> Float32[np.ndarray, "h w"]:
-    """Median of the known values in each pixel's window (of two middle ones the lower); unknown pixels stay unknown."""
-    if size == 1:
-        return disparity
-    # OpenCV's filter is fast but knows no NaN; windows that hold one are done again.
-    unknown = np.isnan(disparity)
-    filtered = cv2.medianBlur(np.where(unknown, np.float32(0), disparity), size)
-    near_unknown = cv2.dilate(unknown.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=1)
-    _median_of_known_where(near_unknown, disparity, size // 2, filtered)
-    return filtered
-
-
-@kernel
-def _median_of_known_where(redone, disparity, half, filtered):
-    height, width = disparity.shape
-    ordered = np.empty((2 * half + 1) ** 2, np.float32)
-    for y in range(height):
-        for x in range(width):
-            if not redone[y, x]:
-                continue
-            if np.isnan(disparity[y, x]):
-                filtered[y, x] = np.nan
-                continue
-            count = 0
-            for v in range(max(y - half, 0), min(y + half + 1, height)):
-                for u in range(max(x - half, 0), min(x + half + 1, width)):
-                    if not np.isnan(disparity[v, u]):
-                        _insert(ordered, count, disparity[v, u])
-                        count += 1
-            filtered[y, x] = ordered[(count - 1) // 2]
-
-
-@kernel
-def _insert(ordered, count, value):
-    """Put `value` where it belongs among the first `count` values, which rise."""
-    place = count
-    while place > 0 and ordered[place - 1] > value:
-        ordered[place] = ordered[place - 1]
-        place -= 1
-    ordered[place] = value
+    return filtered(disparity, speckle_px=config.speckle_px, median_px=config.median_px)

@@ -8,13 +8,13 @@ from scipy.ndimage import gaussian_filter
 
 from breastscan.errors import PerceptionError
 from breastscan.vision.census import census
-from breastscan.vision.stereo import StereoConfig, disparity_map, median_of_known
+from breastscan.vision.stereo import StereoConfig, disparity_map
 from experiments.ray_cast_dome import DomeScene
 
 HALF_WIDTH, HALF_HEIGHT = 4, 3
 COLUMNS_AND_ROWS = [(0, 1), (0, -1), (1, 0), (-1, 0)]
 DIAGONALS = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-SMALL = StereoConfig(min_disparity=3, num_disparities=32, median_px=1)
+SMALL = StereoConfig(min_disparity=3, num_disparities=32, speckle_px=0, median_px=1)
 
 
 def pair_with_steps(height: int, width: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +108,9 @@ def test_disparities_equal_the_equations_written_out(paths, subpixel, height, wi
 
 
 def test_disparities_equal_the_equations_over_more_than_one_vector_and_stiffest_penalties():
-    config = StereoConfig(min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, median_px=1)
+    config = StereoConfig(
+        min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, speckle_px=0, median_px=1
+    )
     left, right = pair_with_steps(15, 140, seed=4)
     np.testing.assert_array_equal(disparity_map(left, right, config), reference_disparity(left, right, config))
 
@@ -191,22 +193,10 @@ def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
         {"P1": 64},
         {"P2": 64},
         {"consistency_px": -1},
+        {"speckle_px": -1},
         {"median_px": 1, "paths": 8, "P2": 100},
     ],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ValueError, match=str(next(reversed(wrong.values())))):
         StereoConfig(**wrong)
-
-
-def test_median_uses_only_known_neighbours_and_keeps_unknown_pixels():
-    disparity = np.random.default_rng(3).normal(100, 5, (30, 40)).astype(np.float32)
-    disparity[np.random.default_rng(4).random(disparity.shape) < 0.2] = np.nan
-    filtered = median_of_known(disparity, 3)
-    for y, x in np.ndindex(disparity.shape):
-        window = disparity[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
-        known = np.sort(window[np.isfinite(window)])
-        if np.isnan(disparity[y, x]):
-            assert np.isnan(filtered[y, x])
-        elif 0 < y < 29 and 0 < x < 39:
-            assert filtered[y, x] == known[(known.size - 1) // 2]
