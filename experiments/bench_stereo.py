@@ -1,7 +1,7 @@
 """How fast is the stereo matcher, and how exact, against OpenCV's on the same pair?
 
 Speed is CPU time (all threads) at the rig's full size, the median of interleaved runs, so that a busy machine slows
-both alike; both keep their memory between runs. `bench_depth` tells how exact.
+both alike; both keep their memory between runs. `bench_depth` and `bench_edges` tell how exact.
 """
 
 import time
@@ -19,7 +19,7 @@ from breastscan.vision.camera import RectifiedPair
 from breastscan.vision.refine import refine
 from breastscan.vision.stereo import StereoConfig, disparity_map
 from breastscan.vision.triangulation import triangulate
-from experiments import bench_depth
+from experiments import bench_depth, bench_edges
 from experiments.bench_depth import Row
 from experiments.opencv_stereo import opencv_matcher
 from experiments.ray_cast_dome import DomeScene
@@ -52,7 +52,13 @@ def rows(config: BenchConfig | None = None) -> list[Row]:
     """Measure speed, memory and exactness."""
     config = config or BenchConfig()
     pair = config.scene.pair()
-    return [*_speed_rows(pair, config), _region_row(pair, config), _memory_row(pair, config), *bench_depth.rows()]
+    return [
+        *_speed_rows(pair, config),
+        _region_row(pair, config),
+        _memory_row(pair, config),
+        *bench_depth.rows(),
+        *bench_edges.rows(),
+    ]
 
 
 def _speed_rows(pair: RectifiedPair, config: BenchConfig) -> list[Row]:

@@ -1,6 +1,6 @@
 """Disparity of a rectified pair: census, semi-global matching, consistency, sub-pixel, median [Zhang, Sec. II-B]."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -14,15 +14,22 @@ from breastscan.vision.lanes import LANES
 from breastscan.vision.sgm import semi_global_disparity
 from breastscan.vision.sgm_kernels import Matching
 
+COARSE_FACTOR, COARSE_WIDTH = 4, 160
+"""The coarse pass shrinks the images so many times, but no narrower than this [px]."""
+COARSE_TAIL = 0.002
+"""Share of the coarse disparities at either end that may be matches by chance."""
+COARSE_MARGIN = 2
+"""Coarse pixels added to the range at either end: what is too small to be seen there, and what ends a range."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class StereoConfig:
     """Search range and smoothness of the matcher."""
 
-    min_disparity: int = 64
-    """Smallest disparity searched [px]; 64 px is 1.06 m away on the paper's rig."""
-    num_disparities: int = 128
-    """Number of disparities searched, a multiple of 32."""
+    min_disparity: int | None = None
+    """Smallest disparity searched [px]; None for what a coarse pass over the pair finds."""
+    num_disparities: int | None = None
+    """Number of disparities searched, a multiple of 32; None for what a coarse pass over the pair finds."""
     paths: Literal[4, 8] = 8
     """Directions the cost is summed over [Zhang, Eq. 5]: 8, or 4 for rows and columns only."""
     P1: int = 20
@@ -39,9 +46,9 @@ class StereoConfig:
     """Side of the median filter's window [px]; 1 for none."""
 
     def __post_init__(self) -> None:
-        if self.min_disparity < 0:
+        if self.min_disparity is not None and self.min_disparity < 0:
             raise ValueError(f"min_disparity must be 0 px or more, got {self.min_disparity}")
-        if self.num_disparities < LANES or self.num_disparities % LANES:
+        if self.num_disparities is not None and (self.num_disparities < LANES or self.num_disparities % LANES):
             raise ValueError(f"num_disparities must be a multiple of {LANES}, got {self.num_disparities}")
         if self.paths not in (4, 8):
             raise ValueError(f"paths must be 4 or 8, got {self.paths}")
@@ -74,6 +81,48 @@ def disparity_map(
             f"{right.shape[1]}x{right.shape[0]} px (right): rectify them together",
             right.shape,
         )
+    if config.min_disparity is None or config.num_disparities is None:
+        found = disparity_range(left, right, config)
+        if found is None:
+            return np.full(left.shape, np.nan, np.float32)
+        config = replace(config, min_disparity=found[0], num_disparities=found[1])
+    return _matched(left, right, config)
+
+
+def disparity_range(
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], config: StereoConfig
+) -> tuple[int, int] | None:
+    """Smallest disparity and number of disparities [px] around what a coarse pass matches; None if it matches nothing.
+
+    What `config` gives is kept.
+    """
+    factor = min(max(left.shape[1] // COARSE_WIDTH, 1), COARSE_FACTOR)
+    size = (left.shape[1] // factor, max(left.shape[0] // factor, 1))
+    small_left, small_right = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right))
+    half_width = _whole_lanes(size[0] // 2)  # nearer surfaces fill the image and are seen by one camera only
+    coarse = _matched(small_left, small_right, replace(config, min_disparity=0, num_disparities=half_width))
+    known = coarse[np.isfinite(coarse)]
+    if known.size == 0:
+        return None
+    low, high = np.quantile(known, [COARSE_TAIL, 1 - COARSE_TAIL])
+    smallest = config.min_disparity
+    if smallest is None:
+        smallest = max(0, int(factor * (low - COARSE_MARGIN)))
+    count = config.num_disparities or _whole_lanes(int(factor * (high + COARSE_MARGIN)) + 1 - smallest)
+    return smallest, count
+
+
+def _whole_lanes(count: int) -> int:
+    """The least multiple of `LANES` that is `count` or more, and not 0."""
+    return max(-(-count // LANES), 1) * LANES
+
+
+def _matched(
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], config: StereoConfig
+) -> Float32[np.ndarray, "h w"]:
+    """The disparity within the range that `config` gives [px]."""
+    assert config.min_disparity is not None
+    assert config.num_disparities is not None
     height, width = left.shape
     matched = width - config.min_disparity
     if height < 1 or matched < 1:

@@ -8,7 +8,8 @@ from scipy.ndimage import gaussian_filter
 
 from breastscan.errors import PerceptionError
 from breastscan.vision.census import census
-from breastscan.vision.stereo import StereoConfig, disparity_map
+from breastscan.vision.stereo import StereoConfig, disparity_map, disparity_range
+from experiments.depth_edges import edge_pair
 from experiments.ray_cast_dome import DomeScene
 
 HALF_WIDTH, HALF_HEIGHT = 4, 3
@@ -162,6 +163,28 @@ def test_equiangular_fit_is_not_drawn_to_whole_pixels_as_a_parabola_is():
     assert locking_px["parabola"] > 0.03
 
 
+def test_the_coarse_pass_finds_a_range_that_holds_all_that_is_seen_and_not_much_more():
+    """The room's disparities go from 72 to 140 px, the dome's with its table from 101 to 132 px."""
+    for pair, truth, seen in (
+        ((room := edge_pair()), room.disparity, room.seen_twice),
+        ((scene := DomeScene()).pair(), scene.disparity, scene.seen_twice),
+    ):
+        smallest, count = disparity_range(pair.left, pair.right, StereoConfig())
+        assert smallest < truth[seen].min()
+        assert truth[seen].max() < smallest + count - 1
+        assert count <= np.ptp(truth[seen]) + 2 * 16 + 32
+        np.testing.assert_array_equal(
+            disparity_map(pair.left, pair.right, StereoConfig()),
+            disparity_map(pair.left, pair.right, StereoConfig(min_disparity=smallest, num_disparities=count)),
+        )
+
+
+def test_a_range_that_is_given_is_kept():
+    pair = DomeScene().pair()
+    assert disparity_range(pair.left, pair.right, StereoConfig(min_disparity=90))[0] == 90
+    assert disparity_range(pair.left, pair.right, StereoConfig(num_disparities=256))[1] == 256
+
+
 def test_repeated_runs_agree_bit_for_bit():
     left, right = pair_with_steps(64, 200, seed=2)
     first, second = (disparity_map(left, right, StereoConfig(min_disparity=0)) for _ in range(2))
@@ -175,12 +198,13 @@ def test_pair_of_two_sizes_is_refused():
 
 def test_image_narrower_than_the_smallest_disparity_is_refused():
     with pytest.raises(PerceptionError, match="min_disparity = 64"):
-        disparity_map(np.zeros((40, 64), np.uint8), np.zeros((40, 64), np.uint8), StereoConfig())
+        disparity_map(*np.zeros((2, 40, 64), np.uint8), StereoConfig(min_disparity=64, num_disparities=32))
 
 
 def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
     flat = np.full((30, 90), 100, np.uint8)
     assert np.isnan(disparity_map(flat, flat, SMALL)).all()
+    assert np.isnan(disparity_map(flat, flat, StereoConfig())).all()
 
 
 @pytest.mark.parametrize(
