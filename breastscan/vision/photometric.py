@@ -32,9 +32,9 @@ class FitConfig:
     """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
     huber: float = 2.5
     """A residual beyond this many deviations of the noise counts less."""
-    iterations: int = 6
+    iterations: int = 8
     """Gauss-Newton steps at most."""
-    converged_px: float = 2e-3
+    converged_px: float = 1e-3
     """A step smaller than this, RMS over the object, ends the iteration [px]."""
 
     def __post_init__(self) -> None:
