@@ -93,7 +93,7 @@ def _reconstruct() -> Callable:
         out: Out = Path("out/reconstruct"),
         settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
     ) -> None:
-        """Turn a stereo pair on disk into a point cloud of the breast.
+        """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where there is none.
 
         Args:
             left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
@@ -102,8 +102,9 @@ def _reconstruct() -> Callable:
             out: Folder for cloud.ply, depth.tiff and disparity.png.
             settings: Every setting.
         """
-        result = module.reconstruct(left, right, rig, out, settings)
-        console.print(f"{len(result.sampled_L)} points with normals in {out / 'cloud.ply'}")
+        view = module.reconstruct(left, right, rig, out, settings)
+        what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
+        console.print(f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True)
 
     return reconstruct
 

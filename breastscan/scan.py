@@ -16,7 +16,7 @@ from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import CalibrationError, PerceptionError
+from breastscan.errors import CalibrationError, NoBreastError
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
@@ -146,18 +146,32 @@ def scan(
 
 def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages) -> Reconstruction:
     """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
+    pair, matched = match(images, rig, config, stages)
+    try:
+        return reconstruct_breast(pair, matched, config, stages)
+    except NoBreastError:
+        check_order(images, matched, rig, config)  # a better reason, perhaps
+        raise
+
+
+def match(
+    images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages
+) -> tuple[RectifiedPair, Float32[np.ndarray, "h w"]]:
+    """The rectified pair, and the disparity of all that both cameras see in it [px]."""
     with stages.stage("rectification"):
         pair = rig.rectify(images.left, images.right)
         pair_check.check_exposure(images.left, "the left image")
         pair_check.check_exposure(images.right, "the right image")
     with stages.stage("stereo"):
-        matched = stereo.disparity_map(pair.left, pair.right, config.stereo)
+        return pair, stereo.disparity_map(pair.left, pair.right, config.stereo)
+
+
+def reconstruct_breast(
+    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig, stages: Stages
+) -> Reconstruction:
+    """The breast in a matched pair, refined on the images."""
     with stages.stage("segmentation"):
-        try:
-            breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
-        except PerceptionError:
-            pair_check.check_order(matched, _matched_exchanged(images, rig, config.stereo))  # a better reason, perhaps
-            raise
+        breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
     with stages.stage("refinement"):
         disparity = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine).disparity
     with stages.stage("cloud"):
@@ -175,12 +189,15 @@ def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Sta
     )
 
 
-def _matched_exchanged(images: StereoPair, rig: StereoRig, config: StereoConfig) -> Float32[np.ndarray, "h w"]:
-    """Disparity of the pair taken the other way round [px]; where a camera's size differs that is no pair at all."""
-    if images.left.shape != images.right.shape:
-        return np.full(images.left.shape, np.nan, np.float32)
-    pair = rig.rectify(images.right, images.left)
-    return stereo.disparity_map(pair.left, pair.right, config)
+def check_order(images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig) -> None:
+    """Refuse a pair that matches better with left and right exchanged.
+
+    Raises:
+        PerceptionError: It does.
+    """
+    if images.left.shape == images.right.shape:
+        pair = rig.rectify(images.right, images.left)
+        pair_check.check_order(matched, stereo.disparity_map(pair.left, pair.right, config.stereo))
 
 
 def plan_scan(
