@@ -105,7 +105,7 @@ def test_bumps_of_implausible_size_are_reported_with_their_size(scene, found):
 
 def test_breast_seen_by_too_few_pixels_is_refused():
     far = DomeScene(focal_px=137.0, width_px=128, height_px=90, samples=1)
-    with pytest.raises(PerceptionError, match="seen by only 1[0-9]+ px"):
+    with pytest.raises(PerceptionError, match=r"seen by only 1[0-9]+ px"):
         segment_breast(far.points)
 
 
