@@ -13,7 +13,7 @@ from breastscan.vision.spline_field import Region, SplineField
 RIDGE = 1e-9
 """Added to the diagonal, so that a coefficient that no pixel sees stays where it is."""
 INITIAL_SMOOTHING = 1e-2
-INITIAL_ROUNDS = 3
+INITIAL_ROUNDS = 2
 INITIAL_OUTLIER_PX = 0.3
 """In the fit to the matcher's disparity, a residual beyond this counts less."""
 NORMAL_DEVIATIONS = 1.4826
@@ -116,7 +116,7 @@ def fit_to_matcher(
     """Coefficients of the field that best follows the matcher's disparity, outliers counting little."""
     known = smooth & np.isfinite(matched)
     target = np.where(known, matched, 0.0)
-    smoothing = INITIAL_SMOOTHING * field.banded(field.bending) + _ridge(field)
+    smoothing = INITIAL_SMOOTHING * field.banded_bending + _ridge(field)
     coefficients, weight = np.zeros(field.size), known.astype(float)
     for _ in range(INITIAL_ROUNDS):
         factor = factorized(field.normal_matrix(weight) + smoothing)
@@ -136,10 +136,9 @@ def fit_to_images(
 
     The normal matrix hardly changes once the steps are short, and is then kept: to factorize it is most of the work.
     """
-    bending = field.banded(field.bending)
-    fit, step_px = PhotometricFit(coefficients=coefficients, factor=bending), np.inf
+    fit, step_px = PhotometricFit(coefficients=coefficients, factor=field.banded_bending), np.inf
     for _ in range(config.iterations):
-        before, fit = fit, _step(field, images, smooth, bending, fit, config, renew=step_px > RENEWED_ABOVE_PX)
+        before, fit = fit, _step(field, images, smooth, fit, config, renew=step_px > RENEWED_ABOVE_PX)
         step_px = float(np.sqrt(np.mean(field.evaluate(fit.coefficients - before.coefficients)[smooth] ** 2)))
         if step_px < config.converged_px:
             break
@@ -150,7 +149,6 @@ def _step(
     field: SplineField,
     images: GreyLevels,
     smooth: Bool[np.ndarray, "cells pixels"],
-    bending: Float[np.ndarray, "n band"],
     fit: PhotometricFit,
     config: FitConfig,
     *,
@@ -165,7 +163,9 @@ def _step(
     smoothing = config.smoothing * noise**2
     factor = fit.factor
     if renew:
-        factor = factorized(field.normal_matrix(weight * derivative**2) + smoothing * bending + _ridge(field))
+        factor = factorized(
+            field.normal_matrix(weight * derivative**2) + smoothing * field.banded_bending + _ridge(field)
+        )
     descent = -field.right_side(weight * derivative * residual) - smoothing * (field.bending @ fit.coefficients)
     gain, bias = line_fit(right, images.left, weight)
     coefficients = fit.coefficients + solved(factor, descent)

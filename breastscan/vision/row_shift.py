@@ -5,7 +5,7 @@ change of focal length between the cameras are seen so: three parameters, found 
 where the disparity is known. A yaw is not: it looks like another depth. (Not in the paper.)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -106,8 +106,8 @@ def _change(
 ) -> tuple[RowShift, bool]:
     """One Gauss-Newton step on left - gain * right(x - d, y + shift) - bias, and whether it stands out of the noise."""
     levels = GreyLevels.cut(left, right, region)
-    slopes = correlate1d(right.astype(np.float32), SLOPE_TAPS, axis=0, mode="nearest")
-    value, slope = levels.right_at(disparity)[0], GreyLevels.cut(left, slopes, region).right_at(disparity)[0]
+    slopes = replace(levels, right_splines=correlate1d(levels.right_splines, SLOPE_TAPS, axis=0, mode="nearest"))
+    value, slope = levels.right_at(disparity)[0], slopes.right_at(disparity)[0]
     gain, bias = line_fit(value, levels.left, inside.astype(float))
     residual = (levels.left - gain * value - bias)[inside]
     noise = noise_of(residual)

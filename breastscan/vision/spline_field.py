@@ -80,9 +80,10 @@ class SplineField:
             energy = energy + multiplicity * (difference.T @ difference)
         return energy
 
-    def banded(self, matrix: sparse.csr_array) -> Float[np.ndarray, "n band"]:
-        """A symmetric matrix of the field's bandwidth in the form that `banded.py` takes."""
-        upper = sparse.triu(matrix).tocoo()
+    @cached_property
+    def banded_bending(self) -> Float[np.ndarray, "n band"]:
+        """The same in the form that `banded.py` takes."""
+        upper = sparse.triu(self.bending).tocoo()
         band = np.zeros((self.size, self.bandwidth + 1))
         band[upper.row, upper.col - upper.row] = upper.data
         return band
