@@ -1,14 +1,14 @@
-"""What a disparity map is freed of: small islands, which are matches by chance, and single pixels that stand out.
+"""What a disparity map is freed of: islands, which are matches by chance, pixels that stand out, and sub-pixel noise.
 
-Both filters work on whole numbers, `STEPS` to the pixel, with `UNKNOWN` where nothing is known: half the memory of
+The filters work on whole numbers, some hundred to the pixel, with `UNKNOWN` where nothing is known: half the memory of
 floating point, and twice as many in a vector register.
 """
 
 import cv2
 import numpy as np
-from jaxtyping import Float32, UInt16
+from jaxtyping import Float32, Int16, UInt16
 
-from breastscan.vision.lanes import LANES, count_bits, equal, kernel, load, minimum, splat
+from breastscan.vision.lanes import LANES, count_bits, equal, kernel, less, load, minimum, splat, store
 
 UNKNOWN = np.uint16(0)
 ABOVE_ALL = np.uint16(65535)
@@ -16,30 +16,34 @@ LARGEST_STEPS = 256
 """Whole numbers a pixel at most: finer than any matcher by far."""
 
 
-SPECKLE_STEP_PX = 1.0
-"""Neighbours whose disparities differ by no more belong to one patch [px]: no surface is matched that rises faster."""
+LIKE_PX = 1.0
+"""Neighbours whose disparities differ by no more belong to one surface [px]: none that is matched rises faster."""
 
 
-def filtered(disparity: Float32[np.ndarray, "h w"], *, speckle_px: int, median_px: int) -> Float32[np.ndarray, "h w"]:
-    """The disparity [px] without speckles, and then without outliers, to 1/256 px; NaN where unknown.
+def filtered(
+    disparity: Float32[np.ndarray, "h w"], *, speckle_px: int, median_px: int, mean_px: int
+) -> Float32[np.ndarray, "h w"]:
+    """The disparity [px] freed of speckles, then of outliers, then averaged over like neighbours; NaN where unknown.
 
     Args:
         disparity: Known values must not be negative [px].
         speckle_px: A connected patch of fewer pixels becomes unknown; 0 for none.
         median_px: Side of the median's window [px]; 1 for none.
+        mean_px: Side of the mean's window [px]; 1 for none.
     """
-    if speckle_px == 0 and median_px == 1:
+    if speckle_px == 0 and median_px == mean_px == 1:
         return disparity
     largest = max(1.0, float(np.nanmax(disparity, initial=0.0)))
-    steps = min(LARGEST_STEPS, int((ABOVE_ALL - 2) / largest))
+    steps = min(LARGEST_STEPS, int((ABOVE_ALL - 2 * LARGEST_STEPS) / largest))
     whole = np.empty(disparity.shape, np.uint16)
     _to_whole(disparity, np.float32(steps), whole)
     if speckle_px > 0:
-        remove_speckles(whole, int(SPECKLE_STEP_PX * steps), speckle_px)
+        remove_speckles(whole, int(LIKE_PX * steps), speckle_px)
     if median_px > 1:
         whole = median_of_known(whole, median_px)
+    rise, count = mean_of_like(whole, int(LIKE_PX * steps), mean_px)
     result = np.empty_like(disparity)
-    _to_pixels(whole, np.float32(1.0 / steps), result)
+    _to_pixels(whole, rise, count, np.float32(1.0 / steps), result)
     return result
 
 
@@ -52,11 +56,11 @@ def _to_whole(disparity, steps, whole):
 
 
 @kernel
-def _to_pixels(whole, size, disparity):
+def _to_pixels(whole, rise, count, size, disparity):
     for y in range(whole.shape[0]):
         for x in range(whole.shape[1]):
-            known = whole[y, x] != UNKNOWN
-            disparity[y, x] = (np.float32(whole[y, x]) - np.float32(1.0)) * size if known else np.float32(np.nan)
+            mean = np.float32(whole[y, x]) + np.float32(rise[y, x]) / np.float32(count[y, x]) - np.float32(1.0)
+            disparity[y, x] = mean * size if whole[y, x] != UNKNOWN else np.float32(np.nan)
 
 
 @kernel
@@ -162,3 +166,50 @@ def _ranked(values, count, rank):
         reaches = np.uint16(values[i] if not_above > rank else ABOVE_ALL)  # no branch that could be mispredicted
         result = min(result, reaches)
     return result
+
+
+def mean_of_like(
+    whole: UInt16[np.ndarray, "h w"], step: int, size: int
+) -> tuple[Int16[np.ndarray, "h w2"], UInt16[np.ndarray, "h w2"]]:
+    """Each pixel with its like neighbours: those that differ from it by `step` at most, as their opposite ones do.
+
+    Lee's sigma filter [Lee 1983], but in pairs across the pixel, so that the mean of a slope is the slope even beside
+    an edge.
+
+    Returns:
+        The sum of the neighbours' differences from the pixel, and how many pixels that is: the mean is the pixel's own
+        value + sum / count. Rows are padded; what stands for an unknown pixel means nothing.
+    """
+    height, width = whole.shape
+    half, padded_width = size // 2, -(-width // LANES) * LANES
+    bordered = np.full((height + 2 * half, padded_width + 2 * half), ABOVE_ALL)
+    bordered[half : half + height, half : half + width] = np.where(whole == UNKNOWN, ABOVE_ALL, whole)
+    rise, count = np.zeros((2, height * padded_width), np.uint16)
+    _sum_like(bordered.reshape(-1), half, np.uint16(step), rise, count, height, padded_width)
+    return rise.view(np.int16).reshape(height, padded_width), count.reshape(height, padded_width)
+
+
+@kernel
+def _sum_like(bordered, half, step, rise, count, height, width):
+    side = 2 * half + 1
+    stride, beyond = width + 2 * half, splat(np.uint16(step + 1))
+    for y in range(height):
+        for x in range(0, width, LANES):
+            centre = load(bordered, (y + half) * stride + x + half)
+            total, others = splat(np.uint16(0)), splat(np.uint16(0))
+            for pair in range(side * side // 2):
+                place = (pair // side - half) * stride + pair % side - half
+                one = load(bordered, (y + half) * stride + x + half + place)
+                other = load(bordered, (y + half) * stride + x + half - place)
+                alike = less(_distance(one, centre), beyond) & less(_distance(other, centre), beyond)
+                total = total + ((one + other - centre - centre) & alike)
+                others = others - alike - alike  # all bits set is -1
+            store(rise, y * width + x, total)
+            store(count, y * width + x, others + splat(np.uint16(1)))
+
+
+@kernel
+def _distance(a, b):
+    """|a - b|, lane by lane."""
+    smaller = minimum(a, b)
+    return a - smaller + (b - smaller)

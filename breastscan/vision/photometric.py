@@ -30,15 +30,16 @@ class FitConfig:
 
     smoothing: float = 10.0
     """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
-    huber: float = 2.5
-    """A residual beyond this many deviations of the noise counts less."""
+    doubtful: float = 2.4
+    """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up 5 % of what normal
+    noise tells): occluded pixels at the object's rim must not pull."""
     iterations: int = 8
     """Gauss-Newton steps at most."""
     converged_px: float = 1e-3
     """A step smaller than this, RMS over the object, ends the iteration [px]."""
 
     def __post_init__(self) -> None:
-        for name in ("smoothing", "huber", "converged_px"):
+        for name in ("smoothing", "doubtful", "converged_px"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         if self.iterations < 1:
@@ -121,7 +122,7 @@ def fit_to_matcher(
     for _ in range(INITIAL_ROUNDS):
         factor = factorized(field.normal_matrix(weight) + smoothing)
         coefficients = solved(factor, field.right_side(weight * target))
-        weight = known * huber_weight(target - field.evaluate(coefficients), INITIAL_OUTLIER_PX)
+        weight = known * cauchy_weight(target - field.evaluate(coefficients), INITIAL_OUTLIER_PX)
     return coefficients
 
 
@@ -158,7 +159,7 @@ def _step(
     right, slope = images.right_at(field.evaluate(fit.coefficients))
     residual = images.left - fit.gain * right - fit.bias
     noise = noise_of(residual[smooth])
-    weight = smooth * huber_weight(residual, config.huber * noise)
+    weight = smooth * cauchy_weight(residual, config.doubtful * noise)
     derivative = fit.gain * slope  # of the residual by d
     smoothing = config.smoothing * noise**2
     factor = fit.factor
@@ -182,9 +183,9 @@ def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:
     return RIDGE * np.eye(1, field.bandwidth + 1)[0]
 
 
-def huber_weight(residual: Float[np.ndarray, "*s"], limit: float) -> Float[np.ndarray, "*s"]:
-    """Weight of each residual in a least squares that residuals beyond `limit` pull no harder than it."""
-    return 1.0 / np.maximum(1.0, np.abs(residual) / limit)
+def cauchy_weight(residual: Float[np.ndarray, "*s"], half: float) -> Float[np.ndarray, "*s"]:
+    """Weight of each residual in a robust least squares; one as large as `half` counts half."""
+    return 1.0 / (1.0 + (residual / half) ** 2)
 
 
 def line_fit(

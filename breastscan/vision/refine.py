@@ -2,7 +2,7 @@
 
 A bicubic B-spline disparity field is fitted to the images themselves: where the field is right, the left grey level
 equals the right one at x - d, up to the gain and bias between the cameras. Gauss-Newton from the matcher's disparity,
-Huber weights, and a penalty on third differences that is scaled by the noise found in the images. Rows that do not
+robust weights, and a penalty on third differences that is scaled by the noise found in the images. Rows that do not
 match are put right first (`row_shift`). (Not in the paper.)
 """
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Shaped
 from scipy.ndimage import correlate1d
 
-from breastscan.vision.photometric import GreyLevels, huber_weight, line_fit, noise_of
+from breastscan.vision.photometric import GreyLevels, cauchy_weight, line_fit, noise_of
 from breastscan.vision.spline_field import Region
 
 SLOPE_TAPS = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
@@ -21,8 +21,8 @@ ROUNDS = 4
 CONVERGED_PX = 0.005
 SIGNIFICANT_PX, SIGNIFICANT_SIGMAS = 0.02, 4.0
 """A smaller shift, or one that is less certain, is none: to resample the image would cost more than it mends."""
-HUBER = 2.5
-"""A residual beyond this many deviations of the noise counts less."""
+DOUBTFUL = 2.4
+"""A residual of this many deviations of the noise counts half."""
 RIDGE = 1e-6
 
 
@@ -117,7 +117,7 @@ def _change(
     design = (
         gain * slope[inside][:, None] * np.stack([np.ones_like(x), (x - middle[0]) / size, (y - middle[1]) / size], 1)
     )
-    weighted = design * huber_weight(residual, HUBER * noise)[:, None]
+    weighted = design * cauchy_weight(residual, DOUBTFUL * noise)[:, None]
     information = weighted.T @ design + RIDGE * np.eye(3)
     found = np.linalg.solve(information, weighted.T @ residual)
     sigma = noise * np.sqrt(np.diag(np.linalg.inv(information)))

@@ -44,6 +44,8 @@ class StereoConfig:
     """Connected patches of fewer pixels are matches by chance and become unknown [px]; 0 for none."""
     median_px: Literal[1, 3, 5] = 5
     """Side of the median filter's window [px]; 1 for none."""
+    mean_px: Literal[1, 3, 5] = 5
+    """Side of the window in which like disparities are averaged, to less sub-pixel noise [px]; 1 for none."""
 
     def __post_init__(self) -> None:
         if self.min_disparity is not None and self.min_disparity < 0:
@@ -61,8 +63,9 @@ class StereoConfig:
             raise ValueError(f"subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}")
         if self.speckle_px < 0:
             raise ValueError(f"speckle_px must be 0 or more, got {self.speckle_px}")
-        if self.median_px not in (1, 3, 5):
-            raise ValueError(f"median_px must be 1, 3 or 5, got {self.median_px}")
+        for name in ("median_px", "mean_px"):
+            if getattr(self, name) not in (1, 3, 5):
+                raise ValueError(f"{name} must be 1, 3 or 5, got {getattr(self, name)}")
 
 
 def disparity_map(
@@ -147,4 +150,4 @@ def _matched(
             equiangular=config.subpixel == "equiangular",
         ),
     )
-    return filtered(disparity, speckle_px=config.speckle_px, median_px=config.median_px)
+    return filtered(disparity, speckle_px=config.speckle_px, median_px=config.median_px, mean_px=config.mean_px)

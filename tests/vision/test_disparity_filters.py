@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from breastscan.vision.disparity_filters import UNKNOWN, filtered, median_of_known, remove_speckles
+from breastscan.vision.disparity_filters import UNKNOWN, filtered, mean_of_like, median_of_known, remove_speckles
 
 
 def patchy(seed: int, shape: tuple[int, int] = (90, 130)) -> np.ndarray:
@@ -49,15 +49,45 @@ def test_median_uses_only_known_neighbours_and_keeps_unknown_pixels(size):
         assert median[y, x] == expected
 
 
+@pytest.mark.parametrize("size", [1, 3, 5])
+@pytest.mark.parametrize("step", [3, 256])
+def test_mean_is_taken_over_opposite_neighbours_within_the_step(size, step):
+    whole = patchy(7, (40, 70))
+    rise, count = mean_of_like(whole, step, size)
+    half = size // 2
+    bordered = np.pad(whole.astype(int), half)
+    for y, x in np.argwhere(whole != UNKNOWN):
+        window = bordered[y : y + size, x : x + size].ravel()
+        difference = window - int(whole[y, x])
+        like = (window != UNKNOWN) & (np.abs(difference) <= step)
+        like &= like[::-1]
+        assert (rise[y, x], count[y, x]) == (difference[like].sum(), like.sum())
+
+
+def test_mean_of_a_slope_is_the_slope_even_beside_an_edge():
+    disparity = np.tile(0.25 * np.arange(60, dtype=np.float32) + 10, (20, 1))
+    disparity[:, 40:] += 9
+    passed = filtered(disparity, speckle_px=0, median_px=1, mean_px=5)
+    np.testing.assert_allclose(passed, disparity, atol=1e-5)
+
+
+def test_small_disparities_are_not_mixed_with_unknown_pixels():
+    """Half a pixel, with holes: unknown is no small number."""
+    disparity = np.full((20, 40), 0.5, np.float32)
+    disparity[::3, ::2] = np.nan
+    passed = filtered(disparity, speckle_px=0, median_px=1, mean_px=5)
+    np.testing.assert_allclose(passed[np.isfinite(disparity)], 0.5, atol=1 / 512)
+
+
 @pytest.mark.parametrize("largest", [30.0, 255.0, 900.0, 5000.0])
 def test_disparities_pass_the_filters_to_a_fine_fraction_of_a_pixel(largest):
     disparity = np.linspace(0, largest, 4000, dtype=np.float32).reshape(40, 100)
     disparity[::7, ::5] = np.nan
-    passed = filtered(disparity, speckle_px=1, median_px=1)
+    passed = filtered(disparity, speckle_px=1, median_px=1, mean_px=1)
     np.testing.assert_array_equal(np.isnan(passed), np.isnan(disparity))
-    assert np.nanmax(np.abs(passed - disparity)) <= 0.5 / min(256, int(65533 / largest)) + 1e-3
+    assert np.nanmax(np.abs(passed - disparity)) <= 0.5 / min(256, int(65023 / largest)) + 1e-3
 
 
 def test_nothing_known_stays_unknown():
     nothing = np.full((12, 20), np.nan, np.float32)
-    assert np.isnan(filtered(nothing, speckle_px=100, median_px=5)).all()
+    assert np.isnan(filtered(nothing, speckle_px=100, median_px=5, mean_px=5)).all()

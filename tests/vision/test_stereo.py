@@ -15,7 +15,7 @@ from experiments.ray_cast_dome import DomeScene
 HALF_WIDTH, HALF_HEIGHT = 4, 3
 COLUMNS_AND_ROWS = [(0, 1), (0, -1), (1, 0), (-1, 0)]
 DIAGONALS = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-SMALL = StereoConfig(min_disparity=3, num_disparities=32, speckle_px=0, median_px=1)
+SMALL = StereoConfig(min_disparity=3, num_disparities=32, speckle_px=0, median_px=1, mean_px=1)
 
 
 def pair_with_steps(height: int, width: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +110,7 @@ def test_disparities_equal_the_equations_written_out(paths, subpixel, height, wi
 
 def test_disparities_equal_the_equations_over_more_than_one_vector_and_stiffest_penalties():
     config = StereoConfig(
-        min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, speckle_px=0, median_px=1
+        min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, speckle_px=0, median_px=1, mean_px=1
     )
     left, right = pair_with_steps(15, 140, seed=4)
     np.testing.assert_array_equal(disparity_map(left, right, config), reference_disparity(left, right, config))
@@ -155,7 +155,7 @@ def test_equiangular_fit_is_not_drawn_to_whole_pixels_as_a_parabola_is():
     fraction = np.floor(10 * (scene.disparity % 1)).astype(int)
     locking_px = {}
     for subpixel in ("equiangular", "parabola"):
-        config = StereoConfig(subpixel=subpixel, median_px=1)
+        config = StereoConfig(subpixel=subpixel, median_px=1, mean_px=1)
         error = disparity_map(pair.left, pair.right, config) - scene.disparity
         sound = scene.on_dome & scene.seen_twice & (np.abs(error) < 1)
         locking_px[subpixel] = np.std([error[sound & (fraction == tenth)].mean() for tenth in range(10)])
