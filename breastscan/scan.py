@@ -35,8 +35,8 @@ class ScanConfig:
     """Every setting of the pipeline, stage by stage."""
 
     stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2, mean_px=1))
-    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes. A mean
-    would round off the foot, and the refinement does better what it does elsewhere."""
+    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes. A
+    mean would round off the foot, and the refinement does better what it does elsewhere."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
     denoise_alpha: float = 4.0

@@ -45,11 +45,11 @@ def depth_rmse_mm(disparity: np.ndarray) -> float:
     [(0.24, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 9e-4, 0.0), (0.1, -5e-4, 8e-4)],
     ids=["pitch of .02 deg", "pitch of .05 deg", "roll of .05 deg", "all three"],
 )
-def test_known_shifts_are_found_to_a_fiftieth_of_a_pixel(offset, along_x, along_y):
+def test_known_shifts_are_found_to_a_fortieth_of_a_pixel(offset, along_x, along_y):
     found = refined(offset, along_x, along_y).row_shift
     y, x = np.mgrid[150:300:10, 130:270:10].astype(float)  # where the dome is in the right image
     expected = offset + along_x * (x - 200) + along_y * (y - 220)
-    assert np.abs(found.at(x, y) - expected).max() < 0.02
+    assert np.abs(found.at(x, y) - expected).max() < 0.025
 
 
 @pytest.mark.parametrize(("offset", "along_x"), [(0.24, 0.0), (0.1, 9e-4), (-0.6, 0.0)])
