@@ -38,7 +38,7 @@ class WrenchSensor:
         self._errors = errors
         self._gain = _gain(errors, rng)
         self._drift_F = PERIOD * errors.drift * np.concatenate([_direction(rng), TORQUE_ARM * _direction(rng)])
-        self._pose_offset = errors.pose_offset / 2 * _contraction(rng)
+        self._pose_offset = errors.pose_offset * _contraction(rng)  # at 60 degrees, up moves by its own length
         self._pole = low_pass_pole(errors.bandwidth)
         sigma = np.repeat([errors.force_noise, errors.torque_noise], 3)
         self._white = sigma * math.sqrt((1 + self._pole) / (1 - self._pole))
