@@ -75,8 +75,9 @@ class SimRobot:
     def _look_up(self) -> None:
         """Find in MuJoCo's arrays what is read and written every period; the views stay valid."""
         model, data = self._model, self._data
-        self._joints = np.array([model.joint(name).qposadr[0] for name in joint_names()])
-        self._dofs = np.array([model.joint(name).dofadr[0] for name in joint_names()])
+        first = model.joint(joint_names()[0])  # the others follow: they are one chain
+        self._joints = slice(first.qposadr[0], first.qposadr[0] + len(joint_names()))
+        self._dofs = slice(first.dofadr[0], first.dofadr[0] + len(joint_names()))
         self._wanted_acceleration, self._torque = np.zeros(model.nv), np.zeros(model.nv)
         tool, tip = data.body("tool"), data.site("tip")
         self._tool_id, self._tip_id = tool.id, tip.id
@@ -175,10 +176,10 @@ class SimRobot:
         return self._sample.q, skin_S, self._sample.time
 
     def _check_target(self, q: Float[np.ndarray, "6"]) -> None:
-        if not np.isfinite(q).all():
-            raise RobotError(f"a joint target must be finite, got {q}", q)
-        if np.abs(q).max() > ANGLE_LIMIT:
-            raise RobotError(f"joint targets must stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q)
+        if not np.abs(q).max() <= ANGLE_LIMIT:
+            raise RobotError(
+                f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
+            )
 
     def _brake(self) -> None:
         for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):
@@ -214,11 +215,11 @@ class SimRobot:
             raise self._diverged
         data = self._data
         mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._dofs]
+        time, q, qd = data.time, data.qpos[self._joints].copy(), data.qvel[self._dofs].copy()
         self._wanted_acceleration[self._dofs] = self._servo.qdd
         mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
         inertia_torque = self._torque[self._dofs]
-        position, velocity = self._drives.commands(self._servo.q, self._servo.qd_begin, q, inertia_torque)
+        position, velocity = self._drives.commands(self._servo, q, inertia_torque)
         data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         X_SP = self._press(time, q)
         mujoco.mj_step2(self._model, data)
