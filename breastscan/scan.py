@@ -218,7 +218,10 @@ def plan_scan(
         normals_B = se3.rotate(rig.X_BL, reconstruction.normals_L)
         path = pattern.half_height_loop(points_B, normals_B, chest_plate(reconstruction, rig.X_BL), config.pattern)
     with stages.stage("motion"):
-        planned = motion.plan(path, robot.X_FP, robot.period, config.feedrate, config.joints, clearances=clearances)
+        planned = motion.plan(
+            path, robot.X_FP, robot.period, config.feedrate, config.joints,
+            clearances=clearances, calibration=robot.calibration,
+        )  # fmt: skip
     scan_motion = ScanMotion(
         q=planned.joints.q,
         qd=planned.joints.qd,

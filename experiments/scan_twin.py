@@ -80,10 +80,11 @@ def run(
 
 
 def seeded(config: SceneConfig, seed: int) -> SceneConfig:
-    """The scene with its phantom, cameras and sensor drawn from one seed."""
+    """The scene with its phantom, arm, cameras and sensor drawn from one seed."""
     return replace(
         config,
         phantom=replace(config.phantom, seed=seed),
+        arm=replace(config.arm, seed=seed),
         camera=replace(config.camera, seed=seed),
         wrist=replace(config.wrist, seed=seed),
     )
@@ -109,7 +110,7 @@ def measure(
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
         result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False))
-    table = record.trajectory(result.log, result.plan.motion, robot.X_FP)
+    table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
         places = error_analysis.contact_places(table, log, tissue, truth)
