@@ -40,7 +40,7 @@ class Picture:
         self._options.geomgroup[COLLISION_GROUP] = 0
         self._options.sitegroup[:] = 0
         self._options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
-        self._renderer = _open_renderer(self._model, width, height)
+        self._renderer = open_renderer(self._model, width, height)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
 
     def arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None) -> None:
@@ -66,7 +66,12 @@ class Picture:
         self.close()
 
 
-def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """An off-screen canvas of this size [px] for `model`; it smooths no edges.
+
+    Raises:
+        ConfigError: No OpenGL is usable.
+    """
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.offsamples = 0
     try:
