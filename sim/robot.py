@@ -2,6 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The UR5e in MuJoCo, driven as the hardware is: joint targets every control period."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -14,7 +15,7 @@ from breastscan.robot.interface import RobotState
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, PERIOD, Scene
-from sim.tissue import SoftTissue
+from sim.tissue import Contact, SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
 from sim.wrench_sensor import WrenchSensor, moment
@@ -59,6 +60,8 @@ class SimRobot:
         self._joints = np.array([self._model.joint(name).qposadr[0] for name in joint_names()])
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
+        self._contact: Contact | None = None
+        self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         self._target_speed = np.zeros(6)
         self._data.qpos[self._joints] = q
@@ -77,6 +80,15 @@ class SimRobot:
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
+
+    @property
+    def contact(self) -> Contact | None:
+        """What the tissue did to the probe in the latest period; None without tissue."""
+        return self._contact
+
+    def watch(self, after_period: Callable[[], None]) -> None:
+        """Call `after_period` at the end of every period; no simulated time passes while it runs."""
+        self._after_period = after_period
 
     def truth_log(self) -> TruthLog:
         """What really happened so far, one row a period."""
@@ -168,6 +180,7 @@ class SimRobot:
         self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P)
         if not np.abs(data.qvel).max() < DIVERGED_SPEED:
             raise RobotError(f"the simulation diverged at {time:.3f} s: joint speeds {data.qvel} rad/s", time)
+        self._after_period()
 
     def _press(self, time: float, q: Float[np.ndarray, "6"]) -> None:
         """Let the tissue push the probe where it is now, and write the truth down."""
@@ -175,7 +188,7 @@ class SimRobot:
         if self._tissue is None:
             self._truth.add(time, q, np.zeros(3), 0.0, X_SP)
             return
-        contact = self._tissue.press(X_SP, self._X_SB[:3, :3] @ self._tip_velocity())
+        contact = self._contact = self._tissue.press(X_SP, self._X_SB[:3, :3] @ self._tip_velocity())
         force_B = contact.force_S @ self._X_SB[:3, :3]
         torque_B = contact.torque_S @ self._X_SB[:3, :3]
         self._tool.xfrc_applied[:3] = force_B
