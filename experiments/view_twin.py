@@ -10,7 +10,7 @@ from breastscan import record
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.vision.camera import StereoRig
 from experiments import scan_twin
-from sim.live.launch import LiveConfig
+from sim.live.launch import LiveConfig, require_viewer
 from sim.live.view import LiveView
 from sim.robot import SimRobot
 from sim.scene import SceneConfig
@@ -57,8 +57,10 @@ def run(
         rig: File of an estimated rig that the scan sees with, instead of the true one.
 
     Raises:
+        ConfigError: No viewer can be opened.
         KeyboardInterrupt: The user closed the viewer or pressed Ctrl-C before the scan was complete.
     """
+    require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     scene_config = scan_twin.seeded(scene_config, seed)
     with scan_twin.progress_bars(console) as listener:

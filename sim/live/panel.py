@@ -21,6 +21,8 @@ FORCE_TOP, DEPTH_TOP = 8.0, 10.0
 PLOTTED_TIME = 15.0
 """The latest part of a scan that the plots show [s]."""
 SLOWEST, FASTEST = 0.1, 10.0
+MARGIN_MM = 10.0
+"""Around the path in its plot."""
 OUTLOOK = View(target_B=(0.55, 0.12, 0.22), distance=1.25, azimuth_deg=140.0, elevation_deg=-24.0)
 """Where the user looks from at first: the breast, left of the panel."""
 LOOP_RADIUS, ARROW_RADIUS = 0.0008, 0.004
@@ -112,7 +114,7 @@ class Panel(ViewerPlugin):
         imgui.SetNextWindowSize(imgui.Vec2(WIDTH_PX, display.y))
         flags = imgui.WindowFlags
         fixed = int(flags.NoMove) | int(flags.NoResize) | int(flags.NoCollapse) | int(flags.NoSavedSettings)
-        if imgui.Begin("Scan", True, fixed)[0]:
+        if imgui.Begin("Scan", None, fixed)[0]:
             self._build_pace_gui()
             if self._scan is not None:
                 self._build_progress_gui(self._scan)
@@ -158,8 +160,11 @@ class Panel(ViewerPlugin):
         flags = _plain() | int(implot.Flags.Equal)
         if not implot.BeginPlot("path from above [mm]", imgui.Vec2(-1, 170), flags):
             return
+        closed = np.vstack([self._loop_B, self._loop_B[:1]])[:, :2] * 1e3
+        (left, low), (right, high) = closed.min(axis=0) - MARGIN_MM, closed.max(axis=0) + MARGIN_MM
         implot.SetupAxes("", "", 0, 0)
-        closed = np.vstack([self._loop_B, self._loop_B[:1]]) * 1e3
+        implot.SetupAxisLimits(int(implot.Axis.X1), left, right, int(implot.Cond.Always))
+        implot.SetupAxisLimits(int(implot.Axis.Y1), low, high, int(implot.Cond.Always))
         implot.PlotLine("planned", closed[:, 0], closed[:, 1])
         x, y, _ = scan.X_BP[:3, 3] * 1e3
         implot.PlotScatter("probe", [x], [y])

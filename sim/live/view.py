@@ -18,7 +18,6 @@ from jaxtyping import Float
 from mujoco.studio.messages import handler
 from mujoco.studio.plugin import SimPlugin
 
-from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
 from sim.camera import SimStereoCamera
 from sim.live.launch import LiveConfig, launch
@@ -62,7 +61,6 @@ class LiveView:
             force: Set-point of the contact force [N].
 
         Raises:
-            ConfigError: The viewer cannot be opened.
             KeyboardInterrupt: The user closed it at once.
         """
         self._scene = scene
@@ -179,12 +177,7 @@ class LiveView:
 
     def _sync(self) -> None:
         """Exchange messages with the viewer; ends the scan where it was closed."""
-        try:
-            running = self._handle.is_running()
-        except RuntimeError as error:
-            self._ending = True
-            raise ConfigError(f"the viewer cannot be opened: {error}", error) from error
-        if not running:
+        if not self._handle.is_running():
             self._ending = True
             raise KeyboardInterrupt
         self._handle.sync(self._model, self._data)
