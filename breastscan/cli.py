@@ -62,6 +62,7 @@ def _scan() -> Callable:
         out: Out = Path("out/scan"),
         seed: Seed = 0,
         video: bool = True,
+        fine: bool = False,
         rig: Path | None = None,
         plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
         scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
@@ -72,11 +73,13 @@ def _scan() -> Callable:
             out: Folder for the results.
             seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
             video: Whether to render scan.mp4.
+            fine: Whether to render it with soft light, where Vulkan is found: several times slower without a graphics
+                card.
             rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
             plan: Every setting of the pipeline.
             scene: Every setting of the simulated world.
         """
-        scan_twin.run(out, seed=seed, video=video, config=plan, scene_config=scene, console=console, rig=rig)
+        scan_twin.run(out, seed=seed, video=video, fine=fine, config=plan, scene_config=scene, console=console, rig=rig)
 
     return scan
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import polars as pl
 from rich.console import Console
@@ -16,13 +16,14 @@ from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
 from experiments import error_analysis
 from experiments.rig_errors import rig_errors
+from sim import filament
 from sim.camera import SimStereoCamera
 from sim.clearance import Clearance
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue import SoftTissue
 from sim.truth import Truth
-from sim.video import Footage, render_video
+from sim.video import Footage, VideoConfig, render_video
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,7 @@ class Measured:
     metrics: dict[str, Any]
 
 
+@runtime_checkable
 class Onlooker(Protocol):
     """Whoever watches a scan of the twin as it happens."""
 
@@ -55,6 +57,7 @@ def run(
     scene_config: SceneConfig,
     console: Console,
     rig: Path | None = None,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Scan, measure, and leave a complete run folder in `out`.
 
@@ -67,6 +70,7 @@ def run(
         console: Where progress and summary are shown.
         rig: File of an estimated rig that the scan sees with, instead of the true one. The twin's cameras stay the
             scene's.
+        fine: Whether `sim.filament` draws the video, where it can.
 
     Returns:
         The metrics, as in `metrics.json`.
@@ -81,7 +85,10 @@ def run(
         if video:
             with stages.stage("video") as report_share:
                 footage = _footage(measured.trajectory)
-                render_video(scene, tissue, footage, folder / "scan.mp4", progress=lambda share, _: report_share(share))
+                film = VideoConfig(fine=fine and _fine_or_reason(console))
+                render_video(
+                    scene, tissue, footage, folder / "scan.mp4", film, progress=lambda share, _: report_share(share)
+                )
         write_report(folder, measured, stages)
     summarise(out, measured, console)
     return measured.metrics
@@ -179,6 +186,14 @@ def _footage(table: pl.DataFrame) -> Footage:
         force=table["true_force"].to_numpy(),
         phase=table["phase"].to_list(),
     )
+
+
+def _fine_or_reason(console: Console) -> bool:
+    """Whether the fine renderer can be used; where not, the user is told why."""
+    reason = filament.unusable()
+    if reason is not None:
+        console.print(f"[yellow]The video is drawn by the classic renderer: {reason}.[/]")
+    return reason is None
 
 
 def _warn_beyond_linear(values: dict[str, Any], console: Console) -> None:
