@@ -80,11 +80,11 @@ class Lens:
     def bend(self, drawn: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h2 w2"]:
         """Light on the sensor [grey levels, not rounded]."""
         grey = cv2.cvtColor(drawn, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        if self._blur_px > 0:  # on the fine canvas: half a pixel is too narrow for a Gaussian of whole pixels
+            grey = cv2.GaussianBlur(grey, (0, 0), self._blur_px * self._supersampling)
         share = 1 / self._supersampling
         reduced = cv2.resize(grey, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
         light = cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(np.float32, copy=False)
-        if self._blur_px > 0:
-            light = cv2.GaussianBlur(light, (0, 0), self._blur_px).astype(np.float32, copy=False)
         return light * self._shading
 
 

@@ -21,8 +21,8 @@ FORCE_TOP, DEPTH_TOP = 8.0, 10.0
 PLOTTED_TIME = 15.0
 """The latest part of a scan that the plots show [s]."""
 SLOWEST, FASTEST = 0.1, 10.0
-MARGIN_MM = 10.0
-"""Around the path in its plot."""
+MARGIN_MM, PLOT_ASPECT = 10.0, 2.6
+"""Around the path in its plot, which is so much wider than high."""
 OUTLOOK = View(target_B=(0.55, 0.12, 0.22), distance=1.25, azimuth_deg=140.0, elevation_deg=-24.0)
 """Where the user looks from at first: the breast, left of the panel."""
 LOOP_RADIUS, ARROW_RADIUS = 0.0008, 0.004
@@ -157,11 +157,13 @@ class Panel(ViewerPlugin):
         """The path from above, and where the probe is."""
         if len(self._loop_B) == 0:
             return
-        flags = _plain() | int(implot.Flags.Equal)
-        if not implot.BeginPlot("path from above [mm]", imgui.Vec2(-1, 170), flags):
+        if not implot.BeginPlot("path from above [mm]", imgui.Vec2(-1, 170), _plain()):
             return
         closed = np.vstack([self._loop_B, self._loop_B[:1]])[:, :2] * 1e3
-        (left, low), (right, high) = closed.min(axis=0) - MARGIN_MM, closed.max(axis=0) + MARGIN_MM
+        half = np.ptp(closed, axis=0).max() / 2 + MARGIN_MM
+        (left, low), (right, high) = (
+            closed.mean(axis=0) + side * half * np.array([PLOT_ASPECT, 1]) for side in (-1, 1)
+        )
         implot.SetupAxes("", "", 0, 0)
         implot.SetupAxisLimits(int(implot.Axis.X1), left, right, int(implot.Cond.Always))
         implot.SetupAxisLimits(int(implot.Axis.Y1), low, high, int(implot.Cond.Always))
