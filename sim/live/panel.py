@@ -28,6 +28,8 @@ OUTLOOK = View(target_B=(0.55, 0.12, 0.22), distance=1.25, azimuth_deg=140.0, el
 LOOP_RADIUS, ARROW_RADIUS = 0.0008, 0.004
 ARROW_LENGTH = 0.02
 """Length of the arrow along the probe for each newton [m]."""
+ARROW_OFFSET = 0.035
+"""Of the arrow from the probe's axis, so that it is not hidden inside [m]."""
 LOOP_COLOUR, ARROW_COLOUR = (0.10, 0.45, 0.85, 1.0), (0.90, 0.25, 0.15, 1.0)
 
 
@@ -113,8 +115,8 @@ class Panel(ViewerPlugin):
         imgui.SetNextWindowPos(imgui.Vec2(display.x - WIDTH_PX, 0.0))
         imgui.SetNextWindowSize(imgui.Vec2(WIDTH_PX, display.y))
         flags = imgui.WindowFlags
-        fixed = int(flags.NoMove) | int(flags.NoResize) | int(flags.NoCollapse) | int(flags.NoSavedSettings)
-        if imgui.Begin("Scan", None, fixed)[0]:
+        fixed = int(flags.NoMove) | int(flags.NoResize) | int(flags.NoTitleBar) | int(flags.NoSavedSettings)
+        if imgui.Begin("Scan", flags=fixed)[0]:
             self._build_pace_gui()
             if self._scan is not None:
                 self._build_progress_gui(self._scan)
@@ -222,7 +224,7 @@ def _arrow(scan: ScanSnapshot) -> list[mujoco.MjvGeom]:
     force = float(scan.force[-1])
     if force < 0.2:
         return []
-    tip_B, axis_B = scan.X_BP[:3, 3], scan.X_BP[:3, 2]
-    start_B = tip_B - 0.02 * axis_B
+    across_B, axis_B, tip_B = scan.X_BP[:3, 1], scan.X_BP[:3, 2], scan.X_BP[:3, 3]
+    start_B = tip_B + ARROW_OFFSET * across_B
     end_B = start_B - ARROW_LENGTH * force * axis_B
     return [_rod(mujoco.mjtGeom.mjGEOM_ARROW, ARROW_RADIUS, start_B, end_B, ARROW_COLOUR)]
