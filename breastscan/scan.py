@@ -118,6 +118,7 @@ def scan(
     config: ScanConfig,
     stages: Stages,
     clearances: Clearances | None = None,
+    on_plan: Callable[[ScanPlan], None] = lambda plan: None,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
 
@@ -128,6 +129,7 @@ def scan(
         config: Every setting.
         stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
+        on_plan: Shown the plan before the arm moves.
 
     Raises:
         CalibrationError: The rig has no hand-eye calibration.
@@ -140,6 +142,7 @@ def scan(
         images = camera.capture()
     reconstruction = perceive(images, rig, config, stages)
     plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
+    on_plan(plan)
     with stages.stage("execution") as progress:
         log = execution.execute(robot, plan.motion, config.contact, config.safety, progress)
     return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)

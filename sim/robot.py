@@ -2,6 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The UR5e in MuJoCo, driven as the hardware is: joint targets every control period."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -19,7 +20,7 @@ from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
 from sim.servo import PERIOD, ServoJ
-from sim.tissue import SoftTissue
+from sim.tissue import Contact, SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
 from sim.wrench_sensor import GRAVITY_W, WrenchSensor
@@ -62,6 +63,8 @@ class SimRobot:
         self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
+        self._contact: Contact | None = None
+        self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
@@ -108,6 +111,15 @@ class SimRobot:
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
+
+    @property
+    def contact(self) -> Contact | None:
+        """What the tissue did to the probe in the latest period; None without tissue."""
+        return self._contact
+
+    def watch(self, after_period: Callable[[], None]) -> None:
+        """Call `after_period` at the end of every period; no simulated time passes while it runs."""
+        self._after_period = after_period
 
     def truth_log(self) -> TruthLog:
         """What really happened so far, one row a period."""
@@ -229,6 +241,7 @@ class SimRobot:
         if divergence.has_diverged(data):
             self._diverged = divergence.report(data, q, qd, X_SP)
             raise self._diverged
+        self._after_period()
 
     def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""
@@ -246,7 +259,7 @@ class SimRobot:
         if self._tissue is None:
             self._truth.add(time, q, NOTHING, 0.0, X_SP)
             return X_SP
-        contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
+        contact = self._contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
         force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B
