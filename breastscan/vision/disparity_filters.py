@@ -183,10 +183,17 @@ def mean_of_like(
     height, width = whole.shape
     half, padded_width = size // 2, -(-width // LANES) * LANES
     bordered = np.full((height + 2 * half, padded_width + 2 * half), ABOVE_ALL)
-    bordered[half : half + height, half : half + width] = np.where(whole == UNKNOWN, ABOVE_ALL, whole)
+    _copy_known(whole, bordered[half : half + height, half : half + width])
     rise, count = np.zeros((2, height * padded_width), np.uint16)
     _sum_like(bordered.reshape(-1), half, np.uint16(step), rise, count, height, padded_width)
     return rise.view(np.int16).reshape(height, padded_width), count.reshape(height, padded_width)
+
+
+@kernel
+def _copy_known(whole, bordered):
+    for y in range(whole.shape[0]):
+        for x in range(whole.shape[1]):
+            bordered[y, x] = whole[y, x] if whole[y, x] != UNKNOWN else ABOVE_ALL
 
 
 @kernel

@@ -12,10 +12,9 @@ from breastscan.vision.census import PLANES, hamming
 from breastscan.vision.lanes import (
     LANES,
     add_saturated,
-    chosen,
+    equal,
+    first_bit,
     kernel,
-    lane_numbers,
-    less,
     load,
     minimum,
     smallest,
@@ -26,7 +25,12 @@ from breastscan.vision.lanes import (
 
 NO_PATH = np.uint8(255)
 """Cost of a disparity outside the range: no path comes from there."""
+LARGEST_P2 = 63
+"""What the paths of one sweep add to the matching cost, four times P2 at most, is kept in 8 bits."""
 WORST_TOTAL = np.uint16(65535)
+BLOCK_BITS = np.uint16(6)
+"""Bits of a block's number below a total: 8 paths of at most 62 + 63 each leave them free."""
+MOST_DISPARITIES = LANES << int(BLOCK_BITS)
 
 
 class Matching(NamedTuple):
@@ -145,16 +149,17 @@ def total_cost(cost, rises, stored_rises, paths):
 
 
 @kernel
-def nearer(total, e, lowest, at):
-    """The least total of each lane so far and the index of its first lane where it stands, after those from `e` on."""
-    return minimum(lowest, total), chosen(less(total, lowest), splat(np.uint16(e)), at)
+def ranked(total, e):
+    """Totals at e and after, each with the number of its `LANES` disparities below it: one minimum compares both."""
+    return (total << splat(BLOCK_BITS)) + splat(np.uint16(e // LANES))
 
 
 @kernel
-def first_index(lowest, at):
+def first_index(ranks):
     """Index of the least total [Zhang, Eq. 6]: of equal ones the nearest surface."""
-    beaten = less(splat(smallest(lowest)), lowest)
-    return np.int64(smallest(chosen(beaten, splat(WORST_TOTAL), at + lane_numbers(at))))
+    least = smallest(ranks)
+    block = least & ((1 << BLOCK_BITS) - 1)
+    return np.int64(block) * LANES + first_bit(equal(ranks, splat(least)))
 
 
 @kernel
@@ -174,6 +179,8 @@ def row_disparities(winners, totals, right_best, disparities, matching, result):
 def _agrees(totals, right_best, x, winner, tolerance, disparities, width):
     """Whether a best disparity of the right pixel lies within `tolerance` of the left winner."""
     best = right_best[x + winner]
+    if totals[x * disparities + winner] == best:  # so nearly everywhere: the processor guesses it right
+        return True
     for shift in range(-tolerance, tolerance + 1):
         left_x, e = x + shift, winner - shift
         if 0 <= left_x < width and 0 <= e < disparities and totals[left_x * disparities + e] == best:

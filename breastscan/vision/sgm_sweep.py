@@ -14,7 +14,7 @@ from breastscan.vision.sgm_kernels import (
     bounds,
     fill_matching_costs,
     first_index,
-    nearer,
+    ranked,
     rise_over,
     row_disparities,
     slot_start,
@@ -69,7 +69,7 @@ def _step(
     falling, rising = column + slots, column + 2 * slots
     nothing = splat(NO_PATH)
     row_lowest, column_lowest, falling_lowest, rising_lowest = nothing, nothing, nothing, nothing
-    lowest, at = splat(WORST_TOTAL), splat(np.uint16(0))
+    lowest = splat(WORST_TOTAL)
     row_bounds, column_bounds = bounds(row_floor, matching), bounds(behind.floors[column], matching)
     column_start = slot_start(column, disparities)
     falling_bounds = rising_bounds = column_bounds  # what four paths do not use costs nothing
@@ -108,11 +108,11 @@ def _step(
             total = total_cost(cost, rise, load(rises, index), paths)
             store(totals, index, total)
             store(right_best, x + e, minimum(load(right_best, x + e), total))
-            lowest, at = nearer(total, e, lowest, at)
+            lowest = minimum(lowest, ranked(total, e))
         else:
             store(rises, index, rise)
     ahead.floors[column] = smallest(column_lowest)
     if paths == 8:
         ahead.floors[falling] = smallest(falling_lowest)
         ahead.floors[rising] = smallest(rising_lowest)
-    return smallest(row_lowest), first_index(lowest, at) if completes else 0
+    return smallest(row_lowest), first_index(lowest) if completes else 0

@@ -12,7 +12,7 @@ from breastscan.vision.census import census
 from breastscan.vision.disparity_filters import filtered
 from breastscan.vision.lanes import LANES
 from breastscan.vision.sgm import semi_global_disparity
-from breastscan.vision.sgm_kernels import Matching
+from breastscan.vision.sgm_kernels import LARGEST_P2, MOST_DISPARITIES, Matching
 
 COARSE_FACTOR, COARSE_WIDTH = 4, 160
 """The coarse pass shrinks the images so many times, but no narrower than this [px]."""
@@ -50,13 +50,16 @@ class StereoConfig:
     def __post_init__(self) -> None:
         if self.min_disparity is not None and self.min_disparity < 0:
             raise ValueError(f"min_disparity must be 0 px or more, got {self.min_disparity}")
-        if self.num_disparities is not None and (self.num_disparities < LANES or self.num_disparities % LANES):
-            raise ValueError(f"num_disparities must be a multiple of {LANES}, got {self.num_disparities}")
+        if self.num_disparities is not None and not (
+            LANES <= self.num_disparities <= MOST_DISPARITIES and self.num_disparities % LANES == 0
+        ):
+            raise ValueError(
+                f"num_disparities must be a multiple of {LANES} up to {MOST_DISPARITIES}, got {self.num_disparities}"
+            )
         if self.paths not in (4, 8):
             raise ValueError(f"paths must be 4 or 8, got {self.paths}")
-        largest_P2 = 255 // (self.paths // 2)  # the sums of half the paths are kept in 8 bits
-        if not 0 < self.P1 <= self.P2 <= largest_P2:
-            raise ValueError(f"0 < P1 <= P2 <= {largest_P2} must hold for {self.paths} paths, got {self.P1}, {self.P2}")
+        if not 0 < self.P1 <= self.P2 <= LARGEST_P2:
+            raise ValueError(f"0 < P1 <= P2 <= {LARGEST_P2} must hold, got {self.P1}, {self.P2}")
         if self.consistency_px < 0:
             raise ValueError(f"consistency_px must be 0 or more, got {self.consistency_px}")
         if self.subpixel not in ("equiangular", "parabola"):

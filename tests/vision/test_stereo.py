@@ -218,7 +218,8 @@ def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
         {"P2": 64},
         {"consistency_px": -1},
         {"speckle_px": -1},
-        {"median_px": 1, "paths": 8, "P2": 100},
+        {"paths": 4, "P2": 64},
+        {"num_disparities": 2080},
     ],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
