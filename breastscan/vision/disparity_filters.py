@@ -76,24 +76,24 @@ def remove_speckles(whole, step, smallest):
     above, here = np.full(width, -1, np.int32), np.empty(width, np.int32)
     count = 0
     for y in range(height):
-        before, joined = np.int64(UNKNOWN), -1
+        before, joined, start = np.int64(UNKNOWN), -1, 0
         for x in range(width):
             value = np.int64(whole[y, x])
-            if value == UNKNOWN:
-                here[x] = -1
-            else:
-                if before == UNKNOWN or abs(value - before) > step:
+            if value == UNKNOWN or before == UNKNOWN or abs(value - before) > step:
+                if before != UNKNOWN:
+                    runs[count - 1, 1] = x - start
+                if value != UNKNOWN:
                     runs[count] = y * width + x, 0, count
                     count += 1
-                    joined = -1
-                run = count - 1
-                runs[run, 1] += 1
-                here[x] = run
-                upper = above[x]
-                if upper >= 0 and upper != joined and abs(value - np.int64(whole[y - 1, x])) <= step:
-                    joined = upper
-                    _join(runs, run, upper)
+                joined, start = -1, x
+            here[x] = count - 1 if value != UNKNOWN else -1
+            upper = above[x]
+            if upper >= 0 and value != UNKNOWN and upper != joined and abs(value - np.int64(whole[y - 1, x])) <= step:
+                joined = upper
+                _join(runs, count - 1, upper)
             before = value
+        if before != UNKNOWN:
+            runs[count - 1, 1] = width - start
         above, here = here, above
     _erase_small(whole.reshape(-1), runs[:count], smallest)
 
