@@ -127,11 +127,13 @@ def loops(seed: int) -> Iterator[Loop]:
 
 
 def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles and speeds at the end of each period."""
+    """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the servo's lag."""
+    late = round(robot.servo_lag / robot.period)
     states = []
-    for target in planned.joints.q:
+    for target in [*planned.joints.q, *late * [planned.joints.q[-1]]]:
         robot.servo_joint(target)
         states.append(robot.state())
+    states = states[late:]
     return np.stack([state.q for state in states]), np.stack([state.qd for state in states])
 
 

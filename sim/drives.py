@@ -6,10 +6,13 @@ as in every industrial drive. The gains are not published, they are chosen: as s
 joints, critically damped in a middling posture.
 """
 
+from typing import no_type_check
+
+import numba
 import numpy as np
 from jaxtyping import Float
 
-from sim.servo import PERIOD
+from sim.servo import PERIOD, ServoJ
 from sim.ur5e import JOINTS
 
 INTEGRAL_TIME = 0.1
@@ -28,20 +31,26 @@ class Drives:
         self._integral = np.zeros(len(JOINTS))
 
     def commands(
-        self,
-        q_wanted: Float[np.ndarray, "6"],
-        qd_wanted: Float[np.ndarray, "6"],
-        q: Float[np.ndarray, "6"],
-        inertia_torque: Float[np.ndarray, "6"],
+        self, wanted: ServoJ, q: Float[np.ndarray, "6"], inertia_torque: Float[np.ndarray, "6"]
     ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
         """Commands of the position [rad] and the velocity [rad/s] actuators for one period.
 
         Args:
-            q_wanted: Where the joints are to be now [rad].
-            qd_wanted: How fast they are to move now [rad/s].
+            wanted: Where the joints are to be as it begins, and how fast.
             q: Where they are [rad].
             inertia_torque: What the wanted acceleration takes [N m].
         """
-        grown = self._integral + (PERIOD / INTEGRAL_TIME) * (q_wanted - q)
-        self._integral = np.minimum(np.maximum(grown, -WINDUP), WINDUP)
-        return q_wanted + self._integral + inertia_torque / STIFFNESS, qd_wanted * FRICTION_FEED
+        return _commands(self._integral, wanted.q, wanted.qd, wanted.qdd, q, inertia_torque)
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _commands(integral, q_wanted, qd_wanted, qdd_wanted, q, inertia_torque):
+    """See `Drives.commands`; the integral [rad] is changed in place."""
+    position, velocity = np.empty(len(q)), np.empty(len(q))
+    for i in range(len(q)):
+        grown = integral[i] + (PERIOD / INTEGRAL_TIME) * (q_wanted[i] - q[i])
+        integral[i] = min(max(grown, -WINDUP[i]), WINDUP[i])
+        position[i] = q_wanted[i] + integral[i] + inertia_torque[i] / STIFFNESS[i]
+        velocity[i] = FRICTION_FEED[i] * (qd_wanted[i] - PERIOD * qdd_wanted[i])  # as the period begins
+    return position, velocity

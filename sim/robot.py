@@ -2,6 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The UR5e in MuJoCo, driven as the hardware is: joint targets every control period."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -19,7 +20,7 @@ from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
 from sim.servo import PERIOD, ServoJ
-from sim.tissue import SoftTissue
+from sim.tissue import Contact, SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
 from sim.wrench_sensor import GRAVITY_W, WrenchSensor
@@ -62,6 +63,8 @@ class SimRobot:
         self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
+        self._contact: Contact | None = None
+        self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
@@ -75,8 +78,9 @@ class SimRobot:
     def _look_up(self) -> None:
         """Find in MuJoCo's arrays what is read and written every period; the views stay valid."""
         model, data = self._model, self._data
-        self._joints = np.array([model.joint(name).qposadr[0] for name in joint_names()])
-        self._dofs = np.array([model.joint(name).dofadr[0] for name in joint_names()])
+        first = model.joint(joint_names()[0])  # the others follow: they are one chain
+        self._joints = slice(first.qposadr[0], first.qposadr[0] + len(joint_names()))
+        self._dofs = slice(first.dofadr[0], first.dofadr[0] + len(joint_names()))
         self._wanted_acceleration, self._torque = np.zeros(model.nv), np.zeros(model.nv)
         tool, tip = data.body("tool"), data.site("tip")
         self._tool_id, self._tip_id = tool.id, tip.id
@@ -107,6 +111,15 @@ class SimRobot:
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
+
+    @property
+    def contact(self) -> Contact | None:
+        """What the tissue did to the probe in the latest period; None without tissue."""
+        return self._contact
+
+    def watch(self, after_period: Callable[[], None]) -> None:
+        """Call `after_period` at the end of every period; no simulated time passes while it runs."""
+        self._after_period = after_period
 
     def truth_log(self) -> TruthLog:
         """What really happened so far, one row a period."""
@@ -175,10 +188,10 @@ class SimRobot:
         return self._sample.q, skin_S, self._sample.time
 
     def _check_target(self, q: Float[np.ndarray, "6"]) -> None:
-        if not np.isfinite(q).all():
-            raise RobotError(f"a joint target must be finite, got {q}", q)
-        if np.abs(q).max() > ANGLE_LIMIT:
-            raise RobotError(f"joint targets must stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q)
+        if not np.abs(q).max() <= ANGLE_LIMIT:
+            raise RobotError(
+                f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
+            )
 
     def _brake(self) -> None:
         for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):
@@ -214,11 +227,11 @@ class SimRobot:
             raise self._diverged
         data = self._data
         mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._dofs]
+        time, q, qd = data.time, data.qpos[self._joints].copy(), data.qvel[self._dofs].copy()
         self._wanted_acceleration[self._dofs] = self._servo.qdd
         mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
         inertia_torque = self._torque[self._dofs]
-        position, velocity = self._drives.commands(self._servo.q, self._servo.qd_begin, q, inertia_torque)
+        position, velocity = self._drives.commands(self._servo, q, inertia_torque)
         data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         X_SP = self._press(time, q)
         mujoco.mj_step2(self._model, data)
@@ -228,6 +241,7 @@ class SimRobot:
         if divergence.has_diverged(data):
             self._diverged = divergence.report(data, q, qd, X_SP)
             raise self._diverged
+        self._after_period()
 
     def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""
@@ -245,7 +259,7 @@ class SimRobot:
         if self._tissue is None:
             self._truth.add(time, q, NOTHING, 0.0, X_SP)
             return X_SP
-        contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
+        contact = self._contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
         force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B

@@ -18,9 +18,11 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
+from sim.camera_errors import CameraConfig
 from sim.describe import Element, add_material, mjcf
 from sim.deviations import ArmConfig, calibration, true_arm
-from sim.lens import CameraConfig, canvas, mujoco_camera
+from sim.lens import canvases, mujoco_camera
+from sim.live.skin import hang_skin
 from sim.phantom import Phantom, PhantomConfig
 from sim.probe import add_tool, tip_pose
 from sim.probe_face import ProbeFace
@@ -95,9 +97,16 @@ class Scene:
     def pictures(self) -> mujoco.MjModel:
         """The model that is drawn: with the skin as flex `skin` and the rig's cameras `left` and `right`."""
         root = self._describe(with_skin=True)
-        for side, camera, X_BC in (("left", self.rig.left, self.X_BL), ("right", self.rig.right, self.X_BR)):
-            pinhole = canvas(camera, self.config.camera.supersampling)
-            root.worldbody.add("camera", name=side, **mujoco_camera(pinhole, X_BC))
+        drawn = canvases(self.rig, self.config.camera.supersampling)
+        for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
+            root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
+        return _compile(root)
+
+    @cached_property
+    def live(self) -> mujoco.MjModel:
+        """The model that a viewer shows: a viewer gets the state alone, so the skin hangs on mocap bodies."""
+        root = self._describe(with_skin=True)
+        hang_skin(root, self.X_BS, self.phantom.skin)
         return _compile(root)
 
     def _describe(self, *, with_skin: bool) -> Element:

@@ -7,6 +7,7 @@ from typing import Literal
 from breastscan.errors import ConfigError
 from sim.servo import PERIOD
 
+Quality = Literal["ideal", "industrial", "ur5e_builtin"]
 MINUTE = 60.0
 TORQUE_ARM = 0.05
 """Error of a torque over that of a force, where only the force's is known [m]: between those of the classes' noise."""
@@ -31,7 +32,7 @@ class WrenchErrors:
     cross_talk: float = 0.0
     """Share of a load that shows on another axis of its kind, one sigma [-]."""
     pose_offset: float = 0.0
-    """Most that the force reading changes between two orientations of the flange, beside the tool's weight [N]."""
+    """Most that the force reading changes when the flange tilts by 60 degrees, beside the tool's weight [N]."""
     force_range: float = math.inf
     """Force at which a component saturates [N]."""
     torque_range: float = math.inf
@@ -43,7 +44,7 @@ class WrenchErrors:
     last period, which is all that joint encoders tell."""
 
 
-WRENCH_CLASSES = {
+WRENCH_CLASSES: dict[Quality, WrenchErrors] = {
     "ideal": WrenchErrors(),
     "industrial": WrenchErrors(
         force_noise=0.05, torque_noise=0.002, bandwidth=100.0, resolution=0.02, drift=0.1 / MINUTE,
@@ -63,7 +64,7 @@ UR ROS driver, issues 269 and 633 (4 N in 5 minutes, unmoved); its range: the UR
 class WrenchSensorConfig:
     """How well the wrist feels: a class of errors, any of which can be set by itself."""
 
-    quality: Literal["ideal", "industrial", "ur5e_builtin"] = "industrial"
+    quality: Quality = "industrial"
     """Class of errors. The tool carries a six-axis sensor, so this is `industrial` unless told otherwise."""
     force_noise: float | None = None
     """RMS noise of each force component [N]; None for the class's."""
@@ -80,7 +81,7 @@ class WrenchSensorConfig:
     cross_talk: float | None = None
     """Share of a load that shows on another axis, one sigma [-]; None for the class's."""
     pose_offset: float | None = None
-    """Most that the force reading changes between two orientations [N]; None for the class's."""
+    """Most that the force reading changes when the flange tilts by 60 degrees [N]; None for the class's."""
     force_range: float | None = None
     """Force at which a component saturates [N]; None for the class's."""
     torque_range: float | None = None

@@ -6,7 +6,9 @@ subtracted.
 """
 
 import math
+from typing import no_type_check
 
+import numba
 import numpy as np
 from jaxtyping import Float
 
@@ -38,13 +40,13 @@ class WrenchSensor:
         self._errors = errors
         self._gain = _gain(errors, rng)
         self._drift_F = PERIOD * errors.drift * np.concatenate([_direction(rng), TORQUE_ARM * _direction(rng)])
-        self._pose_offset = errors.pose_offset / 2 * _contraction(rng)
+        self._pose_offset = errors.pose_offset * _contraction(rng)  # at 60 degrees, up moves by its own length
         self._pole = low_pass_pole(errors.bandwidth)
         sigma = np.repeat([errors.force_noise, errors.torque_noise], 3)
         self._white = sigma * math.sqrt((1 + self._pole) / (1 - self._pole))
+        self._settled_noise = sigma * rng.standard_normal(6)
         self._steps = errors.resolution * np.repeat([1.0, TORQUE_ARM], 3)
         self._range = np.repeat([errors.force_range, errors.torque_range], 3)
-        self._saturates = bool(np.isfinite(self._range).any())
         self._hold = round(1 / (errors.sample_rate * PERIOD))
         self._rng, self._noise = rng, np.empty((0, 6))
         self._to_tip = _shift_to_tip(X_FP)
@@ -85,8 +87,7 @@ class WrenchSensor:
         if self._periods % self._hold == 0:
             self.samples += 1
             self.reading_F = reading_F
-            free_F = (GRAVITY_W - acceleration_W) @ R_WF
-            self._wrench_P = self._to_tip @ (reading_F - self._load @ free_F)
+            self._wrench_P = _at_tip(reading_F, R_WF, acceleration_W, self._load, self._to_tip)
         self._periods += 1
         return self._wrench_P - self._zero_P
 
@@ -96,23 +97,62 @@ class WrenchSensor:
 
     def _read(self, load_F: np.ndarray, R_WF: np.ndarray) -> np.ndarray:
         """What the converter gives."""
-        felt_F = self._gain @ load_F + self._periods * self._drift_F
-        felt_F[:3] -= self._pose_offset @ R_WF[2]  # R_WF[2] is up, seen in F
-        noise_F = self._next_noise()
-        if self._filtered_F is None:
-            self._filtered_F = felt_F + noise_F * math.sqrt((1 - self._pole) / (1 + self._pole))
-        else:
-            self._filtered_F = self._pole * self._filtered_F + (1 - self._pole) * (felt_F + noise_F)
-        reading_F = self._filtered_F
-        if self._saturates:
-            reading_F = np.minimum(np.maximum(reading_F, -self._range), self._range)
-        return self._steps * np.rint(reading_F / self._steps) if self._steps[0] > 0 else reading_F
+        if self._filtered_F is None:  # the low-pass has been running for long
+            self._filtered_F = _felt(load_F, R_WF, self._gain, self._pose_offset) + self._settled_noise
+        return _converted(
+            load_F, R_WF, self._gain, self._pose_offset, self._periods * self._drift_F,
+            self._next_noise(), self._pole, self._filtered_F, self._range, self._steps,
+        )  # fmt: skip
 
     def _next_noise(self) -> np.ndarray:
         row = self._periods % NOISE_BLOCK
         if row == 0:
             self._noise = self._white * self._rng.standard_normal((NOISE_BLOCK, 6))
         return self._noise[row]
+
+
+@numba.njit(cache=True)
+@no_type_check  # keeps the tests' run-time type checker from wrapping what numba compiles
+def _felt(load_F, R_WF, gain, pose_offset):
+    """What the gauges make of a load, and of the flange's orientation: R_WF[2] is up, seen in F."""
+    felt_F = np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            felt_F[i] += gain[i, j] * load_F[j]
+    for i in range(3):
+        for j in range(3):
+            felt_F[i] -= pose_offset[i, j] * R_WF[2, j]
+    return felt_F
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _converted(load_F, R_WF, gain, pose_offset, drift_F, noise_F, pole, filtered_F, limits, steps):
+    """The reading after low-pass, saturation and converter; the low-pass's memory `filtered_F` is changed in place."""
+    felt_F, reading_F = _felt(load_F, R_WF, gain, pose_offset), np.empty(6)
+    for i in range(6):
+        filtered_F[i] = pole * filtered_F[i] + (1 - pole) * (felt_F[i] + drift_F[i] + noise_F[i])
+        reading_F[i] = min(max(filtered_F[i], -limits[i]), limits[i])
+        if steps[i] > 0:
+            reading_F[i] = steps[i] * np.rint(reading_F[i] / steps[i])
+    return reading_F
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _at_tip(reading_F, R_WF, acceleration_W, load, to_tip):
+    """The reading less the payload's weight and inertia, moved to the tip."""
+    rest_F, wrench_P = reading_F.copy(), np.zeros(6)
+    for j in range(3):
+        free = 0.0
+        for k in range(3):
+            free += (GRAVITY_W[k] - acceleration_W[k]) * R_WF[k, j]
+        for i in range(6):
+            rest_F[i] -= load[i, j] * free
+    for i in range(6):
+        for j in range(6):
+            wrench_P[i] += to_tip[i, j] * rest_F[j]
+    return wrench_P
 
 
 def low_pass_pole(bandwidth: float) -> float:
