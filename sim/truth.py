@@ -69,7 +69,7 @@ class Truth:
 
     def half_height_loop(self) -> Float[np.ndarray, "n 3"]:
         """Dense contour of the undeformed skin at half its height [m]; it closes without repeating its first point."""
-        return self._phantom.level_loop(self._phantom.config.height / 2, LOOP_POINTS)
+        return self._phantom.level_loop(self._phantom.height / 2, LOOP_POINTS)
 
     def cast(self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """First point of the undeformed skin on each ray from an origin outside the breast [m], NaN where it misses."""
@@ -106,7 +106,7 @@ class Truth:
         moved = direction + steps[:, 0] * u + steps[:, 1] * v
         moved[:, 2] = np.maximum(moved[:, 2], 0.0)
         moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-        return moved, self._phantom.config.radius * float(np.abs(moved - direction).max(initial=0.0))
+        return moved, self._phantom.radius * float(np.abs(moved - direction).max(initial=0.0))
 
     def _bisected(
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"], inside: Float[np.ndarray, "n"]
@@ -123,7 +123,7 @@ class Truth:
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
         """Where each ray enters and leaves a ball around the breast, above the plate [m]; nowhere if far < near."""
-        middle_S = np.array([0.0, 0.0, self._phantom.config.height / 2])
+        middle_S = np.array([0.0, 0.0, self._phantom.height / 2])
         radius = np.linalg.norm(self._phantom.skin.vertices_S - middle_S, axis=1).max()
         to_middle = unit_S @ (middle_S - origin_S)
         discriminant = radius**2 - np.sum((middle_S - origin_S) ** 2) + to_middle**2

@@ -101,6 +101,6 @@ def test_material_points_of_the_deformed_skin_are_where_they_came_from(truth, ph
 
 def test_the_half_height_loop_lies_on_the_skin_at_half_its_height(truth, phantom):
     loop_S = truth.half_height_loop()
-    np.testing.assert_allclose(loop_S[:, 2], phantom.config.height / 2, atol=1e-9)
+    np.testing.assert_allclose(loop_S[:, 2], phantom.height / 2, atol=1e-9)
     assert np.abs(truth.distance(loop_S[::40])).max() < 1e-9
     assert np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1).max() < 2e-4
