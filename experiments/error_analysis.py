@@ -22,8 +22,6 @@ STEADY_AFTER = 1.0
 """Force is judged from this long after the loop starts [s]: until then the contact settles into the motion."""
 REPLAY_STEP = 10
 """Every so many control periods the contact is solved again, to find its place on the skin (every .5 mm)."""
-LINEAR_LIMIT = 0.008
-"""Indentation up to which the tissue's linear elasticity holds [m]."""
 PATH_SAMPLES = 1000
 """Points at which the planned curve is held against the skin."""
 

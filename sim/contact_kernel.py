@@ -8,7 +8,7 @@ import numpy as np
 from sim.complementarity import MARGIN, solve_contact
 from sim.probe_face import distance
 
-REACH = 0.016
+REACH = 0.030
 """Deepest penetration that is looked for, far beyond where linear elasticity holds [m]."""
 BESIDE = 0.004
 """How far beside the face a vertex may lie and yet come to touch it [m]."""
@@ -17,6 +17,8 @@ GAP_TOLERANCE = 1e-9
 GRAZING, STEEPEST = 0.5, 0.2
 """Cosines between the skin's inward normal and the face's normal: from the first on, a rounded edge gives way ever more
 in the model, and at the second a vertex cannot touch. So a vertex that slides off an edge is let go softly [-]."""
+GRAZING_LIFT = 0.016
+"""How far a vertex gives way to the grazing face by then [m]."""
 FAR = 1.0
 """Stands for all gaps beyond `MARGIN` that no sliding off an edge explains [m]."""
 NEWTON_STEPS = 12
@@ -112,7 +114,7 @@ def _distance_inwards(face, x, y, z, ix, iy, iz):
             return -FAR
         if abs(d) < GAP_TOLERANCE:
             grazing = max(GRAZING - slope, 0.0) / (GRAZING - STEEPEST)
-            return inward - REACH * grazing**2
+            return inward - GRAZING_LIFT * grazing**2
     return -np.inf
 
 

@@ -69,15 +69,16 @@ class Phantom:
         """Height of the nipple's tip above the chest plate [m]."""
         self.areola_radius = config.size * shape.areola_radius
         """Radius of the areola [m]."""
-        self._numbers = _draw(config, self.radius, self.height)
+        self.numbers = _draw(config, self.radius, self.height)
+        """The map's coefficients, for `dome`."""
 
     def embed(self, ball: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Points of the unit half-ball z >= 0 mapped into the phantom, in S [m]; |ball| = 1 is the skin."""
-        return dome.embed(self._numbers, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(ball.shape)
+        return dome.embed(self.numbers, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(ball.shape)
 
     def unembed(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Inverse of `embed`, extended smoothly around the phantom."""
-        return dome.unembed(self._numbers, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(p_S.shape)
+        return dome.unembed(self.numbers, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(p_S.shape)
 
     def level(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         """Implicit function of the skin: negative inside, zero on it, positive outside [-]."""

@@ -1,11 +1,11 @@
 """The soft phantom under the probe: contact force, and the skin as it lies deformed.
 
 Quasi-static and linear elastic: the skin's flexibility, computed once, answers every press by a small frictionless
-contact problem between the probe's exact face and points of the skin. Linear theory is good to about 8 mm of
-indentation; `Contact.depth` lets the caller see when it is left. Gel friction and the tissue's damping are laid
-over the elastic force.
+contact problem between the probe's exact face and points of the skin. Gel friction and the tissue's damping are laid
+over the elastic force. Linear theory was held against large deformations to `LINEAR_LIMIT`; beyond, a warning says so.
 """
 
+import warnings
 from collections.abc import Callable
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from sim.compliance import SkinCompliance
 from sim.compliance_cache import cached_compliance
-from sim.contact import Contact, with_motion
+from sim.contact import Contact, ContactPatch, with_motion
 from sim.contact_kernel import press_skin
 from sim.contact_surface import contact_surface
 from sim.interpolation import interpolation_matrix, interpolation_weights
@@ -24,6 +24,8 @@ from sim.probe_face import ProbeFace
 
 SKIN_POINTS = 400
 """Vertices of the finite elements on the skin: 9 mm apart. Eight times as many change the force by less than 1 %."""
+LINEAR_LIMIT = 0.008
+"""Indentation to which linear elasticity was validated [m]."""
 DAMPING = 3.0
 """Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley): 15 N s/m at 5 N."""
 
@@ -39,6 +41,7 @@ class SoftTissue:
         self._element_response_S = np.ascontiguousarray(compliance.response_S.transpose(1, 0, 2))
         self._load = np.zeros(len(self._surface.vertices_S))
         """Inward force on each contact point over Young's modulus [m^2]."""
+        self._warned = False
 
     @staticmethod
     def build(
@@ -65,7 +68,28 @@ class SoftTissue:
             config.young * unit_force_S, config.young * unit_torque_S, centre_S - X_SP[:3, 3],
             np.ascontiguousarray(velocity_S), DAMPING, config.gel_friction,
         )  # fmt: skip
+        if depth > LINEAR_LIMIT and not self._warned:
+            self._warn(depth)
         return Contact(force_S=force_S, torque_S=torque_S, depth=depth, vertices=vertices, centre_S=centre_S)
+
+    def _warn(self, depth: float) -> None:
+        self._warned = True
+        warnings.warn(
+            f"the skin is indented by {depth * 1e3:.1f} mm; the tissue's linear elasticity was validated to "
+            f"{LINEAR_LIMIT * 1e3:.0f} mm, and beyond it forces come out too small: press less "
+            "(--plan.contact.force), or stiffen the phantom (--scene.phantom.young)",
+            stacklevel=3,
+        )
+
+    def patch(self) -> ContactPatch:
+        """Contact patch and pressure of the last press."""
+        touching = np.flatnonzero(self._load)
+        areas = self._surface.areas[touching]
+        return ContactPatch(
+            points_S=self._surface.vertices_S[touching] + self._displacement()[touching],
+            pressure=self._phantom.config.young * self._load[touching] / areas,
+            areas=areas,
+        )
 
     def deformed_skin(self) -> Float[np.ndarray, "n 3"]:
         """Vertices of the phantom's fine skin mesh in S after the last press [m]."""
