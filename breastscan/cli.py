@@ -62,6 +62,7 @@ def _scan() -> Callable:
         out: Out = Path("out/scan"),
         seed: Seed = 0,
         video: bool = True,
+        fine: bool = False,
         rig: Path | None = None,
         plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
         scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
@@ -72,13 +73,46 @@ def _scan() -> Callable:
             out: Folder for the results.
             seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
             video: Whether to render scan.mp4.
+            fine: Whether to render it with soft light, where Vulkan is found: several times slower without a graphics
+                card.
             rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
             plan: Every setting of the pipeline.
             scene: Every setting of the simulated world.
         """
-        scan_twin.run(out, seed=seed, video=video, config=plan, scene_config=scene, console=console, rig=rig)
+        scan_twin.run(out, seed=seed, video=video, fine=fine, config=plan, scene_config=scene, console=console, rig=rig)
 
     return scan
+
+
+def _view() -> Callable:
+    from breastscan.scan import ScanConfig
+
+    with twin_imports():
+        from experiments import view_twin
+        from sim.live.launch import LiveConfig
+        from sim.scene import SceneConfig
+
+    def view(
+        out: Out = Path("out/view"),
+        seed: Seed = 0,
+        rig: Path | None = None,
+        live: Annotated[LiveConfig, tyro.conf.arg(name="")] = LiveConfig(),  # noqa: B008 (frozen)
+        plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
+        scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
+    ) -> None:
+        """Scan the phantom with the twin before your eyes, in a window or, with --web, in a browser.
+
+        Args:
+            out: Folder for the results, as of `scan`.
+            seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
+            rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
+            live: Where it is watched.
+            plan: Every setting of the pipeline.
+            scene: Every setting of the simulated world.
+        """
+        view_twin.run(out, seed=seed, config=plan, scene_config=scene, live=live, console=console, rig=rig)
+
+    return view
 
 
 def _reconstruct() -> Callable:
@@ -93,7 +127,7 @@ def _reconstruct() -> Callable:
         out: Out = Path("out/reconstruct"),
         settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
     ) -> None:
-        """Turn a stereo pair on disk into a point cloud of the breast.
+        """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where there is none.
 
         Args:
             left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
@@ -102,8 +136,9 @@ def _reconstruct() -> Callable:
             out: Folder for cloud.ply, depth.tiff and disparity.png.
             settings: Every setting.
         """
-        result = module.reconstruct(left, right, rig, out, settings)
-        console.print(f"{len(result.sampled_L)} points with normals in {out / 'cloud.ply'}")
+        view = module.reconstruct(left, right, rig, out, settings)
+        what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
+        console.print(f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True)
 
     return reconstruct
 
@@ -226,16 +261,16 @@ def _plan() -> Callable:
 
 def _study() -> Callable:
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from experiments import study_joints, study_weights
+    from experiments import study_joints, study_twin, study_weights
 
-    studies = {"joints": study_joints.run, "weights": study_weights.run}
+    studies = {"joints": study_joints.run, "twin": study_twin.run, "weights": study_weights.run}
 
     def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed = 0) -> None:
         """Answer one question about the twin, with figures and tables.
 
         Args:
-            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin. weights:
-                what the weights of a NURBS curve do.
+            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin. twin: how
+                the simulated arm and its wrist sensor behave. weights: what the weights of a NURBS curve do.
             out: Folder for study.md, study.json and the figures; by default out/study_NAME.
             seed: Seed of everything random.
         """
@@ -268,6 +303,7 @@ def _doctor() -> Callable:
 
 COMMANDS = {
     "scan": Command("scan the phantom with the twin and measure every error", _scan),
+    "view": Command("the same scan live, in a window or a browser", _view),
     "reconstruct": Command("a stereo pair on disk to a point cloud", _reconstruct),
     "calibrate": Command("a pair of cameras, from shots of a chessboard", _calibrate),
     "handeye": Command("the cameras' place in the robot's base, from a board on the flange", _handeye),

@@ -26,6 +26,10 @@ class PerceptionError(BreastScanError):
     """Images or points in which the breast cannot be measured."""
 
 
+class NoBreastError(PerceptionError):
+    """A view of something else: no breast stands on a plate in it."""
+
+
 class PlanningError(BreastScanError):
     """A path that the curve, the feedrate or the arm cannot follow."""
 

@@ -1,7 +1,8 @@
 """Execution: approach, contact, settle, the path under force control, retreat [Zhang, Sec. V-B.2].
 
 Every period the planned probe pose is shifted along its own axis by the depth that the force controller asks for
-(`control.contact`), and one Newton step of the inverse kinematics turns the shifted pose into joint targets.
+(`control.contact`), and one Newton step of the inverse kinematics turns the shifted pose into joint targets. The arm
+follows its targets late by a known time, so the plan is sent ahead by as much: the arm then is where the plan is.
 """
 
 import signal
@@ -17,7 +18,7 @@ from breastscan.control import contact, safety
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError, SafetyError
-from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import Robot, RobotState
 
 TRANSFER_SPEED = 0.6
@@ -55,7 +56,7 @@ class MotionLog:
     rows: list[dict] = field(default_factory=list)
 
     def add(self, phase: str, state: RobotState, target: np.ndarray, index: int | None, touching: bool) -> None:
-        """Append the state that followed `target`; `index` is the row of the plan, None off the path."""
+        """Append the state that followed `target`; `index` is the row of the plan where it should be, None off it."""
         self.rows.append({"phase": phase, "state": state, "target": target, "index": index, "contact": touching})
 
 
@@ -66,7 +67,10 @@ class _Probe:
         self.robot, self.motion, self.config, self.limits = robot, motion, config, limits
         self.log = MotionLog()
         self.memory = ContactMemory(depth=-motion.clearance)
+        self.lead = round(robot.servo_lag / robot.period)
+        """Rows by which the plan is sent ahead of the arm."""
         self.index = 0
+        """Row of the plan that is sent."""
         self.target = motion.q_approach.copy()
         self.state = robot.state()
         self.check_interrupt: Callable[[], None] = lambda: None
@@ -81,42 +85,39 @@ class _Probe:
         """One period along the probe axis at `speed` [m/s], positive towards the tissue."""
         self._send(phase, contact.advance(self.memory, self.force, speed, self.config, self.robot.period))
 
-    def regulate(self, phase: str, set_point: float) -> None:
-        """One period of force control towards `set_point` [N]."""
-        self._send(phase, contact.regulate(self.memory, self.force, set_point, self.config, self.robot.period))
+    def regulate(self, phase: str, set_point: float, reached: int | None = None) -> None:
+        """One period of force control towards `set_point` [N]; on the path, the arm is at row `reached` of the plan."""
+        memory = contact.regulate(self.memory, self.force, set_point, self.config, self.robot.period)
+        self._send(phase, memory, reached)
 
-    def _send(self, phase: str, memory: ContactMemory) -> None:
-        """One period towards the present row of the plan, shifted by the depth in `memory`."""
+    def _send(self, phase: str, memory: ContactMemory, reached: int | None = None) -> None:
+        """One period towards the row `index` of the plan, shifted by the depth in `memory`."""
         self.check_interrupt()
         q_plan = self.motion.q[self.index]
-        target = shifted_joints(self.target, q_plan, self.robot.X_FP, memory.depth)
+        target = shifted_joints(self.robot.calibration, self.target, q_plan, self.robot.X_FP, memory.depth)
         safety.check_command(target, self.target, self.robot.period, self.limits)
         self.robot.servo_joint(target)
         self.memory, self.target, self.state = memory, target, self.robot.state()
         touching = memory.force > 0.5 * self.config.contact_force
-        self.log.add(phase, self.state, target, self.index if phase == "loop" else None, touching)
+        self.log.add(phase, self.state, target, reached, touching)
         safety.check_wrench(self.state.wrench_P, self.limits)
 
 
 def shifted_joints(
-    q_start: Float[np.ndarray, "6"], q_plan: Float[np.ndarray, "6"], X_FP: Float[np.ndarray, "4 4"], depth: float
+    calibration: KinematicCalibration,
+    q_start: Float[np.ndarray, "6"],
+    q_plan: Float[np.ndarray, "6"],
+    X_FP: Float[np.ndarray, "4 4"],
+    depth: float,
 ) -> Float[np.ndarray, "6"]:
     """Joint angles that put the tip `depth` [m] along the probe axis beyond where `q_plan` puts it.
 
     One Newton step from `q_start` [rad]: at 500 Hz the pose moves by less than .1 mm a period, so a step leaves
     an error below a nanometre.
     """
-    X_BP_goal = kinematics.forward(q_plan) @ X_FP
-    X_BP_goal[:3, 3] += depth * X_BP_goal[:3, 2]
-    X_BF_goal = X_BP_goal @ se3.inverse(X_FP)
-    X_BF = kinematics.forward(q_start)
-    twist_B = np.concatenate([X_BF_goal[:3, 3] - X_BF[:3, 3], _small_rotation(X_BF_goal[:3, :3] @ X_BF[:3, :3].T)])
-    return q_start + np.linalg.solve(kinematics.jacobian(q_start), twist_B)
-
-
-def _small_rotation(R: np.ndarray) -> np.ndarray:
-    """Rotation vector [rad] of a nearly unit rotation, to third order."""
-    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    X_BF = calibration.forward(q_plan)
+    X_BF[:3, 3] += X_BF[:3, :3] @ (depth * X_FP[:3, 2])
+    return calibration.step(q_start, X_BF)
 
 
 def execute(
@@ -202,18 +203,20 @@ def _approach(probe: _Probe) -> None:
 
 
 def _settle(probe: _Probe) -> None:
-    """Raise the force to its set-point on the first point of the path."""
+    """Raise the force to its set-point on the first point of the path; its last periods already send the path."""
     period = probe.robot.period
-    for k in range(round(probe.config.settle_time / period)):
+    count = round(probe.config.settle_time / period)
+    for k in range(count):
+        probe.index = max(probe.lead - (count - k), 0)
         probe.regulate("settle", contact.ramped_set_point(k * period, probe.config))
 
 
 def _follow_path(probe: _Probe, progress: Callable[[float], None]) -> None:
-    """Move along the path while the force is held."""
+    """Move along the path while the force is held; once the path's end is sent, the arm is awaited there."""
     count = len(probe.motion.q)
     for index in range(count):
-        probe.index = index
-        probe.regulate("loop", probe.config.force)
+        probe.index = min(index + probe.lead, count - 1)
+        probe.regulate("loop", probe.config.force, reached=index)
         if index % PROGRESS_EVERY == 0:
             progress(index / count)
     progress(1.0)

@@ -10,7 +10,8 @@ from trimesh.exchange.ply import load_ply
 
 from breastscan import export, record
 from breastscan.errors import ConfigError, PlanningError
-from breastscan.geometry import calibration_file, kinematics, se3
+from breastscan.geometry import calibration_file, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
@@ -60,14 +61,13 @@ def plan(source: Path, out: Path, config: PlanConfig, *, urscript: bool) -> Moti
         PlanningError: The path does not close, or the arm cannot follow it.
     """
     path = read_path(source) if source.suffix.lower() == ".csv" else _loop(source, config)
-    calibration = None if config.calibration is None else calibration_file.load(config.calibration)
+    arm = KinematicCalibration.nominal() if config.calibration is None else calibration_file.load(config.calibration)
     tcp = np.array(config.tcp, float)
     X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
-    planned = motion.plan(path, X_FP, PERIOD, config.feedrate, config.joints, calibration=calibration)
-    forward = kinematics.forward if calibration is None else calibration.forward
+    planned = motion.plan(path, X_FP, PERIOD, config.feedrate, config.joints, calibration=arm)
     with record.staged(out) as folder:
         record.write_path(folder / "path.csv", path.points_B, path.normals_B)
-        export.write(folder, planned, X_FP, forward(planned.joints.q))
+        export.write(folder, planned, X_FP, arm.forward(planned.joints.q))
         if urscript:
             (folder / "path.script").write_text(export.urscript(planned, X_FP), encoding="utf-8")
     return planned

@@ -1,33 +1,55 @@
 """A stereo pair on disk to a point cloud and a depth map: the perception of a scan without a robot."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, Float32, UInt8
 
-from breastscan import record
-from breastscan.errors import PerceptionError
+from breastscan import record, scan
+from breastscan.cloud import filters, normals
+from breastscan.cloud.segment import Breast
+from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.robot.interface import StereoPair
-from breastscan.scan import Reconstruction, ScanConfig, Stages, perceive
-from breastscan.vision.camera import StereoRig
+from breastscan.scan import ScanConfig, Stages
+from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.pair_check import check_exposure
-from breastscan.vision.triangulation import depth_map
+from breastscan.vision.triangulation import depth_map, triangulate
 
 SIXTEEN_BIT_MAX = 65535.0
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+VIEW_POINTS = 100_000
+"""Most points that a view without a breast is thinned to, along the rows and columns of the image."""
+VIEW_NEIGHBOURS = 15
+"""Points that a normal is taken from there; distances are not known before [-]."""
 
 
-def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: ScanConfig) -> Reconstruction:
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What a pair shows."""
+
+    disparity: Float32[np.ndarray, "h w"]
+    """Of the rectified left view [px], NaN where unknown; refined on the breast."""
+    breast: Breast | None
+    """Which pixels are breast; None where there is none."""
+    points_L: Float[np.ndarray, "n 3"]
+    """Of the breast if there is one, else of all that both cameras see [m]."""
+    normals_L: Float[np.ndarray, "n 3"]
+    """Unit normals of the points, towards the camera."""
+
+
+def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: ScanConfig) -> View:
     """Write what an image pair shows into `out`.
 
-    `cloud.ply` holds points of the breast in the left camera's frame, `disparity.png` a picture of the whole view, and
-    `depth.tiff` its depth along the axis of the rectified left view [m], 32-bit float, NaN where unknown.
+    `cloud.ply` holds points in the left camera's frame: of the breast, or of the whole view where there is none.
+    `disparity.png` is a picture of the whole view, and `depth.tiff` its depth along the axis of the rectified left view
+    [m], 32-bit float, NaN where unknown.
 
     Raises:
         CalibrationError: The rig file is not one.
         PerceptionError: An image cannot be read, shows nothing, has another size than the rig's, the two are exchanged,
-            or no breast is in view.
+            or nothing in them matches.
         ConfigError: `out` cannot be written.
     """
     rig = StereoRig.load(rig_file)
@@ -35,11 +57,34 @@ def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: Scan
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
     with record.staged(out) as folder:
-        result = perceive(images, rig, config, Stages())
-        record.write_image(folder / "disparity.png", record.disparity_picture(result.disparity))
-        record.write_image(folder / "depth.tiff", depth_map(result.disparity, result.pair))
-        record.write_cloud(folder / "cloud.ply", result.sampled_L, result.normals_L)
-    return result
+        pair, matched = scan.match(images, rig, config, Stages())
+        try:
+            breast = scan.reconstruct_breast(pair, matched, config, Stages())
+            view = View(
+                disparity=breast.disparity, breast=breast.breast, points_L=breast.sampled_L, normals_L=breast.normals_L
+            )
+        except NoBreastError:
+            scan.check_order(images, matched, rig, config)
+            view = _whole_view(pair, matched, config)
+        record.write_image(folder / "disparity.png", record.disparity_picture(view.disparity))
+        record.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
+        record.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
+    return view
+
+
+def _whole_view(pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig) -> View:
+    """All that was matched, as it was matched."""
+    step = max(1, int(np.ceil(np.sqrt(np.isfinite(matched).sum() / VIEW_POINTS))))
+    points_L = triangulate(matched, pair)[::step, ::step]
+    points_L = points_L[np.isfinite(points_L[..., 0])]
+    if len(points_L) <= VIEW_NEIGHBOURS:
+        raise PerceptionError(
+            "nothing in the two images matches: expected two views of one scene, taken together by the rig's cameras",
+            len(points_L),
+        )
+    points_L = points_L[filters.statistical_inliers(points_L, alpha=config.denoise_alpha)]
+    normals_L = normals.estimate_normals(points_L, k=VIEW_NEIGHBOURS)
+    return View(disparity=matched, breast=None, points_L=points_L, normals_L=normals_L)
 
 
 def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:

@@ -20,7 +20,7 @@ from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
 from breastscan.execution import MotionLog, ScanMotion
-from breastscan.geometry import kinematics
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
 
@@ -103,8 +103,16 @@ def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[
     pl.DataFrame(columns).write_csv(path, float_precision=7)
 
 
-def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"]) -> pl.DataFrame:
+def trajectory(
+    log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"], calibration: KinematicCalibration
+) -> pl.DataFrame:
     """The log as a table, one row a control period, the planned values beside the measured ones.
+
+    Args:
+        log: What was done.
+        motion: What was planned.
+        X_FP: Probe tip in the flange.
+        calibration: The arm's kinematics as the robot reports by them: the poses are no truer than they are.
 
     Returns:
         Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
@@ -114,7 +122,7 @@ def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"
     on_path = np.array([row["index"] is not None for row in log.rows])
     index = np.array([row["index"] or 0 for row in log.rows])
     q = np.stack([state.q for state in states])
-    X_BP_plan = kinematics.forward(motion.q) @ X_FP
+    X_BP_plan = calibration.forward(motion.q) @ X_FP
 
     def planned(values: np.ndarray) -> np.ndarray:
         flat = values.reshape(len(values), -1)[index]
@@ -130,7 +138,7 @@ def trajectory(log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"
             "target": np.stack([row["target"] for row in log.rows]),
             "q_plan": planned(motion.q),
             "qd_plan": planned(motion.qd),
-            "X_BP": (kinematics.forward(q) @ X_FP).reshape(-1, 16),
+            "X_BP": (calibration.forward(q) @ X_FP).reshape(-1, 16),
             "X_BP_plan": planned(X_BP_plan),
             "wrench": np.stack([state.wrench_P for state in states]),
             "contact": [row["contact"] for row in log.rows],

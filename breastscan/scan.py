@@ -16,7 +16,7 @@ from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import CalibrationError, PerceptionError
+from breastscan.errors import CalibrationError, NoBreastError
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
@@ -34,8 +34,9 @@ from breastscan.vision.stereo import StereoConfig
 class ScanConfig:
     """Every setting of the pipeline, stage by stage."""
 
-    stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2))
-    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes."""
+    stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2, mean_px=1))
+    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes. A
+    mean would round off the foot, and the refinement does better what it does elsewhere."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     refine: RefineConfig = field(default_factory=RefineConfig)
     denoise_alpha: float = 4.0
@@ -117,6 +118,7 @@ def scan(
     config: ScanConfig,
     stages: Stages,
     clearances: Clearances | None = None,
+    on_plan: Callable[[ScanPlan], None] = lambda plan: None,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
 
@@ -127,6 +129,7 @@ def scan(
         config: Every setting.
         stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
+        on_plan: Shown the plan before the arm moves.
 
     Raises:
         CalibrationError: The rig has no hand-eye calibration.
@@ -139,6 +142,7 @@ def scan(
         images = camera.capture()
     reconstruction = perceive(images, rig, config, stages)
     plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
+    on_plan(plan)
     with stages.stage("execution") as progress:
         log = execution.execute(robot, plan.motion, config.contact, config.safety, progress)
     return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
@@ -146,18 +150,32 @@ def scan(
 
 def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages) -> Reconstruction:
     """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
+    pair, matched = match(images, rig, config, stages)
+    try:
+        return reconstruct_breast(pair, matched, config, stages)
+    except NoBreastError:
+        check_order(images, matched, rig, config)  # a better reason, perhaps
+        raise
+
+
+def match(
+    images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages
+) -> tuple[RectifiedPair, Float32[np.ndarray, "h w"]]:
+    """The rectified pair, and the disparity of all that both cameras see in it [px]."""
     with stages.stage("rectification"):
         pair = rig.rectify(images.left, images.right)
         pair_check.check_exposure(images.left, "the left image")
         pair_check.check_exposure(images.right, "the right image")
     with stages.stage("stereo"):
-        matched = stereo.disparity_map(pair.left, pair.right, config.stereo)
+        return pair, stereo.disparity_map(pair.left, pair.right, config.stereo)
+
+
+def reconstruct_breast(
+    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig, stages: Stages
+) -> Reconstruction:
+    """The breast in a matched pair, refined on the images."""
     with stages.stage("segmentation"):
-        try:
-            breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
-        except PerceptionError:
-            pair_check.check_order(matched, _matched_exchanged(images, rig, config.stereo))  # a better reason, perhaps
-            raise
+        breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
     with stages.stage("refinement"):
         disparity = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine).disparity
     with stages.stage("cloud"):
@@ -175,12 +193,15 @@ def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Sta
     )
 
 
-def _matched_exchanged(images: StereoPair, rig: StereoRig, config: StereoConfig) -> Float32[np.ndarray, "h w"]:
-    """Disparity of the pair taken the other way round [px]; where a camera's size differs that is no pair at all."""
-    if images.left.shape != images.right.shape:
-        return np.full(images.left.shape, np.nan, np.float32)
-    pair = rig.rectify(images.right, images.left)
-    return stereo.disparity_map(pair.left, pair.right, config)
+def check_order(images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig) -> None:
+    """Refuse a pair that matches better with left and right exchanged.
+
+    Raises:
+        PerceptionError: It does.
+    """
+    if images.left.shape == images.right.shape:
+        pair = rig.rectify(images.right, images.left)
+        pair_check.check_order(matched, stereo.disparity_map(pair.left, pair.right, config.stereo))
 
 
 def plan_scan(
@@ -200,7 +221,10 @@ def plan_scan(
         normals_B = se3.rotate(rig.X_BL, reconstruction.normals_L)
         path = pattern.half_height_loop(points_B, normals_B, chest_plate(reconstruction, rig.X_BL), config.pattern)
     with stages.stage("motion"):
-        planned = motion.plan(path, robot.X_FP, robot.period, config.feedrate, config.joints, clearances=clearances)
+        planned = motion.plan(
+            path, robot.X_FP, robot.period, config.feedrate, config.joints,
+            clearances=clearances, calibration=robot.calibration,
+        )  # fmt: skip
     scan_motion = ScanMotion(
         q=planned.joints.q,
         qd=planned.joints.qd,

@@ -1,5 +1,7 @@
 """Shots of a calibration board on disk: `NAME_left.png` and `NAME_right.png`, with `poses.csv` where a robot held it.
 
+TIFF, JPEG and BMP files do as well.
+
 `poses.csv` has one row a shot, with the columns
 
     name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad
@@ -22,6 +24,7 @@ from breastscan.reconstruct import read_grey
 from breastscan.robot.interface import StereoPair
 from breastscan.vision.board import Board, BoardShot, find_shot
 
+SUFFIXES = (".png", ".tiff", ".tif", ".jpg", ".jpeg", ".bmp")
 POSES_FILE = "poses.csv"
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
@@ -50,8 +53,14 @@ def read_pair(folder: Path, name: str) -> StereoPair:
     Raises:
         PerceptionError: A picture is missing or damaged.
     """
-    left, right = (read_grey(folder / f"{name}_{side}.png") for side in ("left", "right"))
+    left, right = (read_grey(_picture(folder, name, side)) for side in ("left", "right"))
     return StereoPair(left=left, right=right, time=0.0)
+
+
+def _picture(folder: Path, name: str, side: str) -> Path:
+    """The file of one picture; where there is none, the one that was expected."""
+    files = [folder / f"{name}_{side}{suffix}" for suffix in SUFFIXES]
+    return next((file for file in files if file.is_file()), files[0])
 
 
 def read_shots(folder: Path, board: Board) -> ShotFolder:
@@ -61,7 +70,8 @@ def read_shots(folder: Path, board: Board) -> ShotFolder:
         CalibrationError: The folder holds no shots, they differ in size, or the board is never found.
         PerceptionError: A picture is missing or damaged.
     """
-    names = sorted(path.name.removesuffix("_left.png") for path in folder.glob("*_left.png"))
+    left = (path for path in folder.glob("*_left.*") if path.suffix in SUFFIXES)
+    names = sorted({path.stem.removesuffix("_left") for path in left})
     if not names:
         raise CalibrationError(f"no shots in {folder}: expected pairs NAME_left.png and NAME_right.png", folder)
     found, without_board, size = [], [], None
@@ -71,7 +81,7 @@ def read_shots(folder: Path, board: Board) -> ShotFolder:
         for side, picture in (("left", pair.left), ("right", pair.right)):
             if picture.shape != size:
                 raise CalibrationError(
-                    f"{folder / f'{name}_{side}.png'} is {picture.shape[1]}x{picture.shape[0]} px, the others are "
+                    f"{_picture(folder, name, side)} is {picture.shape[1]}x{picture.shape[0]} px, the others are "
                     f"{size[1]}x{size[0]} px: take all shots with one camera setting",
                     picture.shape,
                 )

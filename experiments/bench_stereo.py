@@ -1,13 +1,15 @@
 """How fast is the stereo matcher, and how exact, against OpenCV's on the same pair?
 
-Speed is CPU time (all threads) at the rig's full size, the median of interleaved runs, so that a busy machine slows
-both alike; both keep their memory between runs. `bench_depth` tells how exact.
+Speed is CPU time (all threads, on one core) at the rig's full size, the median of interleaved runs, so that a busy
+machine slows both alike; both keep their memory between runs. `bench_depth` and `bench_edges` tell how exact.
 """
 
+import os
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import cv2
@@ -19,7 +21,7 @@ from breastscan.vision.camera import RectifiedPair
 from breastscan.vision.refine import refine
 from breastscan.vision.stereo import StereoConfig, disparity_map
 from breastscan.vision.triangulation import triangulate
-from experiments import bench_depth
+from experiments import bench_depth, bench_edges
 from experiments.bench_depth import Row
 from experiments.opencv_stereo import opencv_matcher
 from experiments.ray_cast_dome import DomeScene
@@ -44,7 +46,7 @@ class BenchConfig:
     scene: DomeScene = field(default_factory=lambda: DomeScene(width_px=1280, height_px=1024))
     min_disparity: int = 64
     num_disparities: int = 128
-    repeats: int = 5
+    repeats: int = 9
     """Runs of each matcher after one that warms up."""
 
 
@@ -52,7 +54,13 @@ def rows(config: BenchConfig | None = None) -> list[Row]:
     """Measure speed, memory and exactness."""
     config = config or BenchConfig()
     pair = config.scene.pair()
-    return [*_speed_rows(pair, config), _region_row(pair, config), _memory_row(pair, config), *bench_depth.rows()]
+    return [
+        *_speed_rows(pair, config),
+        _region_row(pair, config),
+        _memory_row(pair, config),
+        *bench_depth.rows(),
+        *bench_edges.rows(),
+    ]
 
 
 def _speed_rows(pair: RectifiedPair, config: BenchConfig) -> list[Row]:
@@ -114,13 +122,33 @@ def _opencv_matcher(pair: RectifiedPair, config: BenchConfig, mode: int) -> Call
 def _interleaved_cpu_seconds(runs: dict[str, Callable[[], np.ndarray]], repeats: int) -> dict[str, float]:
     """Median CPU time of each, all run in turn `repeats` times after a first round that compiles and warms up."""
     seconds = {name: [] for name in runs}
-    for round_ in range(repeats + 1):
-        for name, run in runs.items():
-            start = time.process_time()
-            run()
-            if round_ > 0:
-                seconds[name].append(time.process_time() - start)
+    with _one_core():
+        for round_ in range(repeats + 1):
+            for name, run in runs.items():
+                start = time.process_time()
+                run()
+                if round_ > 0:
+                    seconds[name].append(time.process_time() - start)
     return {name: float(np.median(times)) for name, times in seconds.items()}
+
+
+@contextmanager
+def _one_core() -> Iterator[None]:
+    """Keep this thread, those that it starts, and OpenCV's on one core.
+
+    Threads that share a core's units wait for each other, and that time would count as theirs.
+    """
+    threads = cv2.getNumThreads()
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None  # Linux alone has it
+    cv2.setNumThreads(1)
+    if cores is not None:
+        os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+        if cores is not None:
+            os.sched_setaffinity(0, cores)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.rig_errors import rig_errors
 from sim.board import BoardScene, seen_by_both
 from sim.camera import SimStereoCamera
-from sim.lens import CameraConfig
+from sim.camera_errors import CameraConfig
 from sim.scene import SceneConfig
 
 GRID_COLUMNS, GRID_ROWS = 6, 5

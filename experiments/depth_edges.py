@@ -29,12 +29,12 @@ CONTRAST = 22.0
 
 @dataclass(frozen=True, kw_only=True)
 class EdgePair:
-    """The pair and its truth."""
+    """A rectified pair and its truth."""
 
     left: UInt8[np.ndarray, "h w"]
     right: UInt8[np.ndarray, "h w"]
     disparity: Float[np.ndarray, "h w"]
-    """Of every left pixel [px]."""
+    """Of every left pixel [px], NaN where it is not known."""
     seen_twice: Bool[np.ndarray, "h w"]
     """Left pixels whose surface the right camera sees too."""
 

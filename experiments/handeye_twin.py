@@ -19,8 +19,8 @@ from breastscan.vision.camera import StereoRig
 from experiments.rig_errors import rig_errors
 from sim.board import X_FBOARD, BoardScene, seen_by_both
 from sim.camera import SimStereoCamera
+from sim.camera_errors import CameraConfig
 from sim.clearance import Clearance
-from sim.lens import CameraConfig
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, SceneConfig
 

@@ -22,6 +22,7 @@ from sim.clearance import Clearance
 from sim.phantom import PhantomConfig
 from sim.robot import SimRobot
 from sim.scene import PERIOD, Scene, SceneConfig
+from sim.servo import ServoConfig
 
 MOUNTS_DEG = (0.0, 45.0)
 """Angles between probe and flange."""
@@ -74,7 +75,7 @@ class Walk:
 
 def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
     """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
-    scene = Scene(SceneConfig(mount_angle=float(np.radians(mount_deg))))
+    scene = Scene(SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False)))
     config = JointPathConfig(spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS)
     clearances = Clearance(scene) if loop.in_twin else None
     lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
@@ -126,11 +127,13 @@ def loops(seed: int) -> Iterator[Loop]:
 
 
 def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles and speeds at the end of each period."""
+    """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the servo's lag."""
+    late = round(robot.servo_lag / robot.period)
     states = []
-    for target in planned.joints.q:
+    for target in [*planned.joints.q, *late * [planned.joints.q[-1]]]:
         robot.servo_joint(target)
         states.append(robot.state())
+    states = states[late:]
     return np.stack([state.q for state in states]), np.stack([state.qd for state in states])
 
 

@@ -8,6 +8,8 @@ BLOCK = 5
 """Side of the matching block [px]; OpenCV's documentation derives both penalties from it."""
 SUBPIXELS = 16
 """OpenCV's disparities are whole sixteenths of a pixel."""
+UNIQUENESS_PERCENT, SPECKLE_PX, SPECKLE_STEP_PX = 10, 100, 2
+"""How OpenCV's own sample has its matcher reject what is doubtful."""
 
 
 def opencv_matcher(min_disparity: int, num_disparities: int, mode: int) -> cv2.StereoSGBM:
@@ -24,8 +26,12 @@ def opencv_matcher(min_disparity: int, num_disparities: int, mode: int) -> cv2.S
 
 
 def opencv_disparity(
-    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], min_disparity: int = 64, num_disparities: int = 128
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], min_disparity: int, num_disparities: int
 ) -> Float32[np.ndarray, "h w"]:
-    """Disparity of its eight-path mode [px], NaN where unknown."""
-    matched = opencv_matcher(min_disparity, num_disparities, cv2.StereoSGBM_MODE_HH).compute(left, right) / SUBPIXELS
+    """Disparity of its eight-path mode, doubtful matches rejected [px], NaN where unknown."""
+    matcher = opencv_matcher(min_disparity, num_disparities, cv2.StereoSGBM_MODE_HH)
+    matcher.setUniquenessRatio(UNIQUENESS_PERCENT)
+    matcher.setSpeckleWindowSize(SPECKLE_PX)
+    matcher.setSpeckleRange(SPECKLE_STEP_PX)
+    matched = matcher.compute(left, right) / SUBPIXELS
     return np.where(matched >= min_disparity, matched, np.nan).astype(np.float32)

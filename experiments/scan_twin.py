@@ -1,9 +1,10 @@
 """One whole scan of the simulated phantom, measured against the truth: what does each stage get wrong?"""
 
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import polars as pl
 from rich.console import Console
@@ -11,17 +12,18 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 
 from breastscan import metrics, record, report
 from breastscan.geometry import se3
-from breastscan.scan import ScanConfig, ScanResult, Stages, scan
+from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
 from experiments import error_analysis
 from experiments.rig_errors import rig_errors
+from sim import filament
 from sim.camera import SimStereoCamera
 from sim.clearance import Clearance
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue import SoftTissue
 from sim.truth import Truth
-from sim.video import Footage, render_video
+from sim.video import Footage, VideoConfig, render_video
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +35,19 @@ class Measured:
     metrics: dict[str, Any]
 
 
+@runtime_checkable
+class Onlooker(Protocol):
+    """Whoever watches a scan of the twin as it happens."""
+
+    def follow(self, robot: SimRobot) -> None:
+        """Meet the arm before anything happens."""
+        ...
+
+    def planned(self, plan: ScanPlan) -> None:
+        """See the plan before the arm moves."""
+        ...
+
+
 def run(
     out: Path,
     *,
@@ -42,6 +57,7 @@ def run(
     scene_config: SceneConfig,
     console: Console,
     rig: Path | None = None,
+    fine: bool = False,
 ) -> dict[str, Any]:
     """Scan, measure, and leave a complete run folder in `out`.
 
@@ -54,13 +70,14 @@ def run(
         console: Where progress and summary are shown.
         rig: File of an estimated rig that the scan sees with, instead of the true one. The twin's cameras stay the
             scene's.
+        fine: Whether `sim.filament` draws the video, where it can.
 
     Returns:
         The metrics, as in `metrics.json`.
     """
     estimated = None if rig is None else StereoRig.load(rig)
-    with record.staged(out) as folder, _progress(console) as progress:
-        stages = Stages(_Bar(progress))
+    with record.staged(out) as folder, progress_bars(console) as listener:
+        stages = Stages(listener)
         scene_config = seeded(scene_config, seed)
         scene, tissue = build_world(scene_config, stages)
         measured = measure(scene, tissue, config, stages, estimated)
@@ -68,22 +85,21 @@ def run(
         if video:
             with stages.stage("video") as report_share:
                 footage = _footage(measured.trajectory)
-                render_video(scene, tissue, footage, folder / "scan.mp4", progress=lambda share, _: report_share(share))
-        with stages.stage("report"):
-            measured.metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
-            record.write_json(folder / "metrics.json", measured.metrics)
-            report.write(folder)
-    console.print(report.summary(measured.metrics))
-    _warn_beyond_linear(measured.metrics, console)
-    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
+                film = VideoConfig(fine=fine and _fine_or_reason(console))
+                render_video(
+                    scene, tissue, footage, folder / "scan.mp4", film, progress=lambda share, _: report_share(share)
+                )
+        write_report(folder, measured, stages)
+    summarise(out, measured, console)
     return measured.metrics
 
 
 def seeded(config: SceneConfig, seed: int) -> SceneConfig:
-    """The scene with its phantom, cameras and sensor drawn from one seed."""
+    """The scene with its phantom, arm, cameras and sensor drawn from one seed."""
     return replace(
         config,
         phantom=replace(config.phantom, seed=seed),
+        arm=replace(config.arm, seed=seed),
         camera=replace(config.camera, seed=seed),
         wrist=replace(config.wrist, seed=seed),
     )
@@ -97,7 +113,12 @@ def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, SoftTissue]
 
 
 def measure(
-    scene: Scene, tissue: SoftTissue, config: ScanConfig, stages: Stages, estimated: StereoRig | None = None
+    scene: Scene,
+    tissue: SoftTissue,
+    config: ScanConfig,
+    stages: Stages,
+    estimated: StereoRig | None = None,
+    onlooker: Onlooker | None = None,
 ) -> Measured:
     """One scan of the twin, and its errors. The scan sees the images, the rig and the cell's shapes.
 
@@ -105,11 +126,14 @@ def measure(
     """
     rig = estimated or scene.rig
     robot = SimRobot(scene, tissue)
+    if onlooker is not None:
+        onlooker.follow(robot)
     with stages.stage("cameras"):
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
-        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False))
-    table = record.trajectory(result.log, result.plan.motion, robot.X_FP)
+        on_plan = onlooker.planned if onlooker is not None else lambda plan: None
+        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False), on_plan)
+    table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
         places = error_analysis.contact_places(table, log, tissue, truth)
@@ -141,6 +165,21 @@ def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None
     measured.trajectory.write_parquet(folder / "trajectory.parquet")
 
 
+def write_report(folder: Path, measured: Measured, stages: Stages) -> None:
+    """Metrics, with the wall time of each stage, and the page."""
+    with stages.stage("report"):
+        measured.metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
+        record.write_json(folder / "metrics.json", measured.metrics)
+        report.write(folder)
+
+
+def summarise(out: Path, measured: Measured, console: Console) -> None:
+    """The metrics in short, and where the page lies."""
+    console.print(report.summary(measured.metrics))
+    _warn_beyond_linear(measured.metrics, console)
+    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
+
+
 def _footage(table: pl.DataFrame) -> Footage:
     return Footage(
         time=table["t"].to_numpy(),
@@ -148,6 +187,14 @@ def _footage(table: pl.DataFrame) -> Footage:
         force=table["true_force"].to_numpy(),
         phase=table["phase"].to_list(),
     )
+
+
+def _fine_or_reason(console: Console) -> bool:
+    """Whether the fine renderer can be used; where not, the user is told why."""
+    reason = filament.unusable()
+    if reason is not None:
+        console.print(f"[yellow]The video is drawn by the classic renderer: {reason}.[/]")
+    return reason is None
 
 
 def _warn_beyond_linear(values: dict[str, Any], console: Console) -> None:
@@ -160,21 +207,19 @@ def _warn_beyond_linear(values: dict[str, Any], console: Console) -> None:
         )
 
 
-def _progress(console: Console) -> Progress:
-    return Progress(
+@contextmanager
+def progress_bars(console: Console) -> Iterator[Callable[[str, float], None]]:
+    """A listener for `Stages` that shows one line of progress for each stage."""
+    progress = Progress(
         TextColumn("{task.description:<14}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(), console=console,
     )  # fmt: skip
+    tasks: dict[str, TaskID] = {}
 
+    def listen(stage: str, share: float) -> None:
+        if stage not in tasks:
+            tasks[stage] = progress.add_task(stage, total=1.0)
+        progress.update(tasks[stage], completed=share)
 
-class _Bar:
-    """One line of progress for each stage."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._tasks: dict[str, TaskID] = {}
-
-    def __call__(self, stage: str, share: float) -> None:
-        if stage not in self._tasks:
-            self._tasks[stage] = self._progress.add_task(stage, total=1.0)
-        self._progress.update(self._tasks[stage], completed=share)
+    with progress:
+        yield listen

@@ -23,6 +23,18 @@ def hemisphere(rings: int) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m
     return vertices, np.concatenate([_ring_triangles(k) for k in range(1, rings + 1)])
 
 
+def coarser_rows(rings: int, every: int) -> Int[np.ndarray, "k"]:
+    """Which vertices of `hemisphere(rings)` those of `hemisphere(rings // every)` are, in its order.
+
+    Raises:
+        ValueError: `rings` is not a multiple of `every`.
+    """
+    if rings % every:
+        raise ValueError(f"{rings} rings have no every {every}th: give a divisor")
+    first = [3 * every * k * (every * k - 1) + 1 for k in range(1, rings // every + 1)]
+    return np.concatenate([[0], *(start + every * np.arange(6 * (k + 1)) for k, start in enumerate(first))]).astype(int)
+
+
 def _ring_triangles(k: int) -> Int[np.ndarray, "m 3"]:
     """Triangles between ring k - 1 and ring k, in six equal sectors."""
 

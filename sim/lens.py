@@ -1,20 +1,16 @@
-"""From an ideal pinhole picture to what a real camera delivers: distortion, grey levels, noise.
+"""From an ideal pinhole picture to the light on a real camera's sensor: distortion, shading, blur.
 
-MuJoCo draws pinholes. So a larger, undistorted canvas is drawn, with more pixels than needed against aliasing,
-and resampled through the inverse of the lens distortion.
+MuJoCo draws pinholes. So an undistorted canvas is drawn that reaches as far as the lens sees, with more pixels than
+needed against aliasing, and resampled through the inverse of the lens distortion.
 """
-
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from breastscan.errors import ConfigError
-from breastscan.vision.camera import Intrinsics
+from breastscan.vision.camera import Intrinsics, StereoRig
+from sim.camera_errors import CameraErrors
 
-CANVAS_SCALE = 1.25
-"""Size of the canvas over that of the image: room for what the distortion pulls in from outside."""
 PIXEL_PITCH = 4.8e-6
 """Pixel pitch of the PYTHON 1300 sensor [m]."""
 X_CAMERA_GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -23,36 +19,34 @@ UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 FIELD_SHARE = 0.99
 """Share of the polynomial's turning radius that is used: closer to it, its inverse is too steep to compute."""
 OUTSIDE_PX = -1000.0
+INTERPOLATION_MARGIN = 5
+"""Canvas beyond the outermost ray [px]: Lanczos interpolation takes four pixels to each side."""
+CANVAS_STEP = 8
+"""The canvas' size and origin are multiples of this [px], so that it can be binned as the image is."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraConfig:
-    """How well the cameras see."""
+def canvases(rig: StereoRig, supersampling: int) -> dict[str, Intrinsics]:
+    """The ideal pinholes to draw for the cameras `left` and `right`: each reaches as far as its lens sees.
 
-    supersampling: int = 2
-    """Drawn pixels per image pixel, each way [-]."""
-    noise: float = 1.0
-    """Standard deviation of the sensor's noise [grey levels]."""
-    seed: int = 0
-    """Draws the noise."""
-
-    def __post_init__(self) -> None:
-        if self.supersampling not in (1, 2, 3):
-            raise ConfigError(f"supersampling must be 1, 2 or 3, got {self.supersampling}", self.supersampling)
-        if not 0 <= self.noise < np.inf:
-            raise ConfigError(f"camera noise must be finite and not negative, got {self.noise}", self.noise)
+    Both are of one size, `supersampling` times finer than the images, without distortion, along the same optical axes.
+    """
+    seen = {"left": _seen(rig.left), "right": _seen(rig.right)}
+    width, height = np.max([size for _, size in seen.values()], axis=0)
+    return {
+        side: _finer(_moved(getattr(rig, side), origin, int(width), int(height)), supersampling)
+        for side, (origin, _) in seen.items()
+    }
 
 
-def canvas(camera: Intrinsics, supersampling: int) -> Intrinsics:
-    """The ideal pinhole to draw for `camera`: larger, finer, without distortion, with the same optical axis."""
-    size = np.array([camera.width, camera.height])
-    margin = np.ceil((CANVAS_SCALE - 1) * size / 2)
-    width, height = (size + 2 * margin).astype(int) * supersampling
+def binned(camera: Intrinsics, factor: int) -> Intrinsics:
+    """The same view with `factor` x `factor` pixels read out as one."""
     K = camera.K.copy()
-    K[:2, 2] += margin + 0.5
-    K[:2] *= supersampling
+    K[:2, 2] += 0.5
+    K[:2] /= factor
     K[:2, 2] -= 0.5
-    return Intrinsics(K=K, distortion=np.zeros(5), width=int(width), height=int(height))
+    return Intrinsics(
+        K=K, distortion=camera.distortion, width=camera.width // factor, height=camera.height // factor
+    )  # fmt: skip
 
 
 def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[str, object]:
@@ -71,34 +65,81 @@ def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[s
 
 
 class Lens:
-    """Resamples a drawn canvas to the camera's own, distorted image."""
+    """Turns a drawn canvas into the light on the camera's sensor."""
 
-    def __init__(self, camera: Intrinsics, supersampling: int) -> None:
+    def __init__(self, camera: Intrinsics, canvas: Intrinsics, supersampling: int, errors: CameraErrors) -> None:
+        """Prepare the lens of `camera`; `canvas` is drawn `supersampling` times finer than the camera's pixels."""
         self._supersampling = supersampling
-        positions = _canvas_positions(camera, canvas(camera, 1))
+        self._blur_px = errors.blur_px
+        reduced = binned(canvas, supersampling)
+        positions = _canvas_positions(camera, reduced)
         self._map_x, self._map_y = positions[..., 0].copy(), positions[..., 1].copy()
+        rays = (positions - reduced.K[:2, 2]) / reduced.K[[0, 1], [0, 1]]
+        self._shading = (1 + (rays**2).sum(axis=2)).astype(np.float32) ** np.float32(-errors.vignetting / 2)
 
     def bend(self, drawn: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h2 w2"]:
-        """Grey levels, not rounded, of the camera's image."""
+        """Light on the sensor [grey levels, not rounded]."""
         grey = cv2.cvtColor(drawn, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        if self._blur_px > 0:  # on the fine canvas: half a pixel is too narrow for a Gaussian of whole pixels
+            grey = cv2.GaussianBlur(grey, (0, 0), self._blur_px * self._supersampling)
         share = 1 / self._supersampling
         reduced = cv2.resize(grey, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-        return cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(np.float32, copy=False)
+        light = cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(np.float32, copy=False)
+        return light * self._shading
 
 
-def expose(grey: Float32[np.ndarray, "h w"], noise: float, rng: np.random.Generator) -> UInt8[np.ndarray, "h w"]:
-    """An 8-bit exposure of `grey` with noise of standard deviation `noise` [grey levels]."""
-    noisy = grey + np.float32(noise) * rng.standard_normal(grey.shape, dtype=np.float32)
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
+    """Origin and size [px] of the rectangle in the ideal image plane of `camera` that its pixels look at.
+
+    The distortion grows with the radius, so the outermost rays are those of the image's rim, or of the field stop where
+    the rim lies beyond it.
+    """
+    across, down = np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float)
+    rim = np.concatenate(
+        [
+            np.stack([across, np.zeros_like(across)], axis=1),
+            np.stack([across, np.full_like(across, camera.height - 1)], axis=1),
+            np.stack([np.zeros_like(down), down], axis=1),
+            np.stack([np.full_like(down, camera.width - 1), down], axis=1),
+        ]
+    )
+    focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
+    ray = (rim - centre) / focal
+    ray *= np.minimum(1, _field_stop(camera) / np.linalg.norm(ray, axis=1, keepdims=True))
+    looked_at = _undistorted(camera, ray * focal + centre, camera.K)
+    low = np.floor((looked_at.min(axis=0) - INTERPOLATION_MARGIN) / CANVAS_STEP) * CANVAS_STEP
+    high = np.ceil((looked_at.max(axis=0) + INTERPOLATION_MARGIN + 1) / CANVAS_STEP) * CANVAS_STEP
+    return low, high - low
+
+
+def _moved(camera: Intrinsics, origin: Float[np.ndarray, "2"], width: int, height: int) -> Intrinsics:
+    """An ideal pinhole along the camera's axis whose image starts at `origin` of the camera's [px]."""
+    K = camera.K.copy()
+    K[:2, 2] -= origin
+    return Intrinsics(K=K, distortion=np.zeros(5), width=width, height=height)
+
+
+def _finer(pinhole: Intrinsics, factor: int) -> Intrinsics:
+    """The same view with every pixel divided into `factor` x `factor`."""
+    K = pinhole.K.copy()
+    K[:2, 2] += 0.5
+    K[:2] *= factor
+    K[:2, 2] -= 0.5
+    return Intrinsics(K=K, distortion=np.zeros(5), width=pinhole.width * factor, height=pinhole.height * factor)
+
+
+def _undistorted(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"], K: np.ndarray) -> Float[np.ndarray, "n 2"]:
+    """Where the rays of the camera's `pixels` meet the image of the ideal pinhole `K` [px]."""
+    return cv2.undistortPointsIter(
+        pixels[:, None], camera.K, camera.distortion, np.eye(3), K, UNDISTORT_UNTIL
+    )[:, 0]  # fmt: skip
 
 
 def _canvas_positions(camera: Intrinsics, pinhole: Intrinsics) -> Float32[np.ndarray, "h w 2"]:
     """Where on the canvas [px] each pixel of the camera's image looks; far outside where the lens lets no ray in."""
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-    positions = cv2.undistortPointsIter(
-        pixels[:, None], camera.K, camera.distortion, np.eye(3), pinhole.K, UNDISTORT_UNTIL
-    )[:, 0]
+    positions = _undistorted(camera, pixels, pinhole.K)
     off_axis = np.linalg.norm((pixels - camera.K[:2, 2]) / camera.K[[0, 1], [0, 1]], axis=1)
     positions[off_axis > _field_stop(camera)] = OUTSIDE_PX
     return positions.reshape(camera.height, camera.width, 2).astype(np.float32)

@@ -1,10 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""Drawing the scene off screen: the arm at given joint angles, the skin as deformed.
+"""Drawing the scene off screen: the arm at given joint angles, the skin as deformed."""
 
-Edges are jagged: callers draw larger than they need and reduce by area, which is cheaper without a graphics card than
-the renderer's own smoothing, and smooths textures as well.
-"""
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -13,21 +11,38 @@ from jaxtyping import Float, UInt8
 from breastscan.geometry import se3
 from sim import opengl
 from sim.describe import COLLISION_GROUP
+from sim.filament import FilamentCanvas
 from sim.scene import Scene
 from sim.ur5e import joint_names
+
+
+@runtime_checkable
+class Canvas(Protocol):
+    """What a renderer of a fixed size does."""
+
+    def draw(
+        self, data: mujoco.MjData, camera: mujoco.MjvCamera, options: mujoco.MjvOption
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """RGB picture; valid until the next call."""
+        ...
+
+    def close(self) -> None:
+        """Give the graphics memory back."""
+        ...
 
 
 class Picture:
     """A canvas of fixed size on which the scene is drawn. Close it, or use it in a `with` statement."""
 
-    def __init__(self, scene: Scene, width: int, height: int, *, shadows: bool = True) -> None:
+    def __init__(self, scene: Scene, width: int, height: int, *, shadows: bool = True, fine: bool = False) -> None:
         """Open the canvas.
 
         Args:
             scene: What is drawn.
             width: Width [px].
             height: Height [px].
-            shadows: Whether the key light casts shadows; they take half the time.
+            shadows: Whether the classic renderer's key light casts shadows; they take half the time.
+            fine: Whether `sim.filament` draws; it must be usable.
 
         Raises:
             ConfigError: No OpenGL is usable.
@@ -40,8 +55,9 @@ class Picture:
         self._options.geomgroup[COLLISION_GROUP] = 0
         self._options.sitegroup[:] = 0
         self._options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
-        self._renderer = _open_renderer(self._model, width, height)
-        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        self._canvas: Canvas = (
+            FilamentCanvas(self._model, width, height) if fine else ClassicCanvas(self._model, width, height, shadows)
+        )
 
     def arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None) -> None:
         """Put the arm at `q` [rad] and the skin's vertices at `skin_S` [m], or leave the skin undeformed."""
@@ -52,12 +68,16 @@ class Picture:
 
     def draw(self, camera: str | mujoco.MjvCamera) -> UInt8[np.ndarray, "h w 3"]:
         """RGB picture from a camera of the scene or a free one; valid until the next call."""
-        self._renderer.update_scene(self._data, camera, self._options)
-        return self._renderer.render()
+        return self._canvas.draw(self._data, self._fixed(camera) if isinstance(camera, str) else camera, self._options)
+
+    def _fixed(self, name: str) -> mujoco.MjvCamera:
+        camera = mujoco.MjvCamera()
+        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(name).id
+        return camera
 
     def close(self) -> None:
         """Give the graphics memory back."""
-        self._renderer.close()
+        self._canvas.close()
 
     def __enter__(self) -> "Picture":
         return self
@@ -66,7 +86,35 @@ class Picture:
         self.close()
 
 
-def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+class ClassicCanvas:
+    """MuJoCo's classic renderer, whose light and tone the simulated cameras are set for.
+
+    Edges are jagged: callers draw larger than they need and reduce by area, which is cheaper without a graphics card
+    than the renderer's own smoothing, and smooths textures as well.
+    """
+
+    def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> None:
+        self._renderer = open_renderer(model, width, height)
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+
+    def draw(
+        self, data: mujoco.MjData, camera: mujoco.MjvCamera, options: mujoco.MjvOption
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """RGB picture; valid until the next call."""
+        self._renderer.update_scene(data, camera, options)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Give the graphics memory back."""
+        self._renderer.close()
+
+
+def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """An off-screen canvas of this size [px] for `model`; it smooths no edges.
+
+    Raises:
+        ConfigError: No OpenGL is usable.
+    """
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.offsamples = 0
     try:

@@ -5,13 +5,12 @@ motion than a probe straight on the flange. Masses are those of a six-axis senso
 bracket and a hand-held convex probe with a short length of its cable.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
 from breastscan.geometry import se3
+from breastscan.robot.payload import Payload
 from sim.describe import Element, add_collision, add_visual, placed
 from sim.probe_face import ProbeFace
 from sim.shapes import MINUS_Y, Z, along, barrel, hose, joined, loft, moved, superellipse
@@ -46,16 +45,6 @@ HANDLE = (
     (-0.130, 0.0110, 0.0100, 2.0),
 )
 """Cross-sections of the handle: place along z_P [m], half width [m], half thickness [m], roundness [-]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Payload:
-    """What hangs on the measuring side of the wrist sensor."""
-
-    mass: float
-    """[kg]"""
-    centre_F: Float[np.ndarray, "3"]
-    """Centre of mass in the flange's frame [m]."""
 
 
 def tip_pose(mount_angle: float) -> Float[np.ndarray, "4 4"]:

@@ -2,6 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The UR5e in MuJoCo, driven as the hardware is: joint targets every control period."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -10,19 +11,22 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.payload import Payload
+from sim import divergence
+from sim.drives import Drives
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
-from sim.scene import HOME_Q, PERIOD, Scene
-from sim.tissue import SoftTissue
+from sim.scene import HOME_Q, Scene
+from sim.servo import PERIOD, ServoJ
+from sim.tissue import Contact, SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
-from sim.wrench_sensor import WrenchSensor, moment
+from sim.wrench_sensor import GRAVITY_W, WrenchSensor
 
 SPEED_TOLERANCE = 1.05
 """Share of the speed limit above which a servo target counts as a jump."""
-DIVERGED_SPEED = 10 * SPEED_LIMIT
-"""Joint speed that no command can cause [rad/s]."""
 STOP_DECELERATION = 4.0
 """Deceleration of the leading joint on `stop` [rad/s^2]."""
 ARRIVED = 2e-4
@@ -31,6 +35,9 @@ SETTLE_TIME = 1.0
 """Longest wait for a motion to arrive [s]."""
 TARE_TIME = 0.2
 """Time over which `tare` averages the sensor's noise [s]."""
+NOTHING = np.zeros(3)
+"""Force of the tissue in free space [N]."""
+BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 
 class SimRobot:
@@ -53,16 +60,33 @@ class SimRobot:
         self._tissue = tissue
         self._X_SB = se3.inverse(scene.X_BS)
         self._X_FP = scene.X_FP
-        self._tool = self._data.body("tool")
-        self._tip = self._data.site("tip")
-        self._flange = self._data.body("flange")
-        self._joints = np.array([self._model.joint(name).qposadr[0] for name in joint_names()])
+        self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
+        self._contact: Contact | None = None
+        self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
-        self._target_speed = np.zeros(6)
+        """The latest joint target [rad]."""
+        self._servo = ServoJ(scene.config.servo, q)
+        self._drives = Drives()
+        self._servo_lag = scene.config.servo.nominal_lag
+        self._calibration = scene.calibration
+        self._diverged: RobotError | None = None
         self._data.qpos[self._joints] = q
-        self._advance(self._target)
+        self._advance()
+
+    def _look_up(self) -> None:
+        """Find in MuJoCo's arrays what is read and written every period; the views stay valid."""
+        model, data = self._model, self._data
+        first = model.joint(joint_names()[0])  # the others follow: they are one chain
+        self._joints = slice(first.qposadr[0], first.qposadr[0] + len(joint_names()))
+        self._dofs = slice(first.dofadr[0], first.dofadr[0] + len(joint_names()))
+        self._wanted_acceleration, self._torque = np.zeros(model.nv), np.zeros(model.nv)
+        tool, tip = data.body("tool"), data.site("tip")
+        self._tool_id, self._tip_id = tool.id, tip.id
+        self._tool_centre, self._applied = tool.xipos, tool.xfrc_applied
+        self._p_BP, self._R_BP = tip.xpos, tip.xmat.reshape(3, 3)
+        self._R_BF = data.body("flange").xmat.reshape(3, 3)
 
     @property
     def period(self) -> float:
@@ -74,16 +98,35 @@ class SimRobot:
         """Pose of the probe tip in the flange."""
         return self._X_FP
 
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
+        return self._calibration
+
+    @property
+    def servo_lag(self) -> float:
+        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport and its law imply."""
+        return self._servo_lag
+
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
+
+    @property
+    def contact(self) -> Contact | None:
+        """What the tissue did to the probe in the latest period; None without tissue."""
+        return self._contact
+
+    def watch(self, after_period: Callable[[], None]) -> None:
+        """Call `after_period` at the end of every period; no simulated time passes while it runs."""
+        self._after_period = after_period
 
     def truth_log(self) -> TruthLog:
         """What really happened so far, one row a period."""
         return self._truth.log()
 
     def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
-        """Track `q` [rad] for one period, at the speed that leads there from the previous target.
+        """Track `q` [rad] for one period, as the controller's servoj does.
 
         Raises:
             RobotError: The target is not finite, outside the joint limits, or too far from the previous one.
@@ -96,7 +139,7 @@ class SimRobot:
                 "rad/s at most: move there with move_joint first",
                 q,
             )
-        self._advance(q)
+        self._follow(q)
 
     def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
         """Move to `q` [rad] on a straight line in joint space and wait until there.
@@ -111,24 +154,32 @@ class SimRobot:
                 f"rad/s and {acceleration} rad/s^2",
                 (speed, acceleration),
             )
-        for target in trapezoid(self._target, q, speed, acceleration, PERIOD):
-            self._advance(target)
+        self._brake()
+        for target in trapezoid(self._servo.q_end, q, speed, acceleration, PERIOD):
+            self._go(target)
         self._settle()
 
     def tare(self) -> None:
         """Hold still for `TARE_TIME` and take the mean wrench as zero."""
         wrenches = []
         for _ in range(round(TARE_TIME / PERIOD)):
-            self._advance(self._target)
+            self._follow(self._target)
             wrenches.append(self._sample.wrench_P)
         zero_P = np.mean(wrenches, axis=0)
         self._sensor.tare(zero_P)
         self._sample = replace(self._sample, wrench_P=self._sample.wrench_P - zero_P)
 
+    def reading_F(self) -> Float[np.ndarray, "6"]:
+        """The wrist sensor's last reading, the tool's weight and all, force first, at its measuring point [N, N m]."""
+        return self._sensor.reading_F
+
+    def set_payload(self, payload: Payload) -> None:
+        """Tell the wrist sensor what hangs on it. It starts with the tool's own numbers."""
+        self._sensor.set_payload(payload)
+
     def stop(self) -> None:
         """Brake along the present course and stay there."""
-        for target in braking(self._target, self._target_speed, STOP_DECELERATION, PERIOD):
-            self._advance(target)
+        self._brake()
         self._settle()
 
     def snapshot(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "n 3"] | None, float]:
@@ -137,53 +188,87 @@ class SimRobot:
         return self._sample.q, skin_S, self._sample.time
 
     def _check_target(self, q: Float[np.ndarray, "6"]) -> None:
-        if not np.isfinite(q).all():
-            raise RobotError(f"a joint target must be finite, got {q}", q)
-        if np.abs(q).max() > ANGLE_LIMIT:
-            raise RobotError(f"joint targets must stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q)
+        if not np.abs(q).max() <= ANGLE_LIMIT:
+            raise RobotError(
+                f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
+            )
+
+    def _brake(self) -> None:
+        for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):
+            self._go(q)
 
     def _settle(self) -> None:
-        """Hold the target until the joints are there."""
+        """Hold the joints' place until they are there."""
+        error = np.inf
         for _ in range(round(SETTLE_TIME / PERIOD)):
-            self._advance(self._target)
-            if np.abs(self._sample.q - self._target).max() < ARRIVED:
+            self._go(self._servo.q_end)
+            error = np.abs(self._sample.q - self._servo.q).max()
+            if error < ARRIVED:
                 return
-        error = np.abs(self._sample.q - self._target).max()
         raise RobotError(
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
 
-    def _advance(self, target: Float[np.ndarray, "6"]) -> None:
-        """One period towards `target`: sense, press, log, integrate."""
-        data = self._data
-        self._target_speed = (target - self._target) / PERIOD
-        self._target = np.array(target, float)
-        data.ctrl[0::2], data.ctrl[1::2] = self._target, self._target_speed  # position and velocity servos alternate
-        mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints], data.qvel[self._joints]
-        self._press(time, q)
-        mujoco.mj_step2(self._model, data)
-        on_sensor_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
-        wrench_P = self._sensor.measure(on_sensor_F, self._flange.xmat.reshape(3, 3))
-        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P)
-        if not np.abs(data.qvel).max() < DIVERGED_SPEED:
-            raise RobotError(f"the simulation diverged at {time:.3f} s: joint speeds {data.qvel} rad/s", time)
+    def _follow(self, target: Float[np.ndarray, "6"]) -> None:
+        """One period of servoj towards `target` [rad]."""
+        self._target = target.copy()
+        self._servo.follow(target)
+        self._advance()
 
-    def _press(self, time: float, q: Float[np.ndarray, "6"]) -> None:
-        """Let the tissue push the probe where it is now, and write the truth down."""
-        X_SP = self._X_SB @ se3.pose(self._tip.xmat.reshape(3, 3), self._tip.xpos)
+    def _go(self, q: Float[np.ndarray, "6"]) -> None:
+        """One period of a motion of the controller's own, to `q` [rad]."""
+        self._target = q.copy()
+        self._servo.go(q)
+        self._advance()
+
+    def _advance(self) -> None:
+        """One period: sense, press, log, integrate."""
+        if self._diverged is not None:
+            raise self._diverged
+        data = self._data
+        mujoco.mj_step1(self._model, data)
+        time, q, qd = data.time, data.qpos[self._joints].copy(), data.qvel[self._dofs].copy()
+        self._wanted_acceleration[self._dofs] = self._servo.qdd
+        mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
+        inertia_torque = self._torque[self._dofs]
+        position, velocity = self._drives.commands(self._servo, q, inertia_torque)
+        data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
+        X_SP = self._press(time, q)
+        mujoco.mj_step2(self._model, data)
+        load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
+        wrench_P = self._sensor.measure(load_F, self._R_BF, *self._tool_motion())
+        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._sensor.samples)
+        if divergence.has_diverged(data):
+            self._diverged = divergence.report(data, q, qd, X_SP)
+            raise self._diverged
+        self._after_period()
+
+    def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""
+        velocity, acceleration = np.empty(6), np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, BODY, self._tool_id, velocity, 0)
+        mujoco.mj_objectAcceleration(self._model, self._data, BODY, self._tool_id, acceleration, 0)
+        return velocity[3:], acceleration[3:] + GRAVITY_W  # MuJoCo's acceleration is that against free fall
+
+    def _press(self, time: float, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
+        """Let the tissue push the probe where it is now, at `X_SP`, and write the truth down."""
+        R_SB = self._X_SB[:3, :3]
+        X_SP = self._X_SB.copy()
+        X_SP[:3, :3] = R_SB @ self._R_BP
+        X_SP[:3, 3] += R_SB @ self._p_BP
         if self._tissue is None:
-            self._truth.add(time, q, np.zeros(3), 0.0, X_SP)
-            return
-        contact = self._tissue.press(X_SP, self._X_SB[:3, :3] @ self._tip_velocity())
-        force_B = contact.force_S @ self._X_SB[:3, :3]
-        torque_B = contact.torque_S @ self._X_SB[:3, :3]
-        self._tool.xfrc_applied[:3] = force_B
-        self._tool.xfrc_applied[3:] = torque_B + moment(self._tip.xpos - self._tool.xipos, force_B)
+            self._truth.add(time, q, NOTHING, 0.0, X_SP)
+            return X_SP
+        contact = self._contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
+        force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
+        mujoco.mju_cross(moment_B, lever_B, force_B)
+        self._applied[:3] = force_B
+        self._applied[3:] = contact.torque_S @ R_SB + moment_B
         self._truth.add(time, q, contact.force_S, contact.depth, X_SP)
+        return X_SP
 
     def _tip_velocity(self) -> Float[np.ndarray, "3"]:
         """Velocity of the tip in B [m/s]."""
-        spatial = np.zeros(6)
-        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_SITE, self._tip.id, spatial, 0)
+        spatial = np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, SITE, self._tip_id, spatial, 0)
         return spatial[3:]

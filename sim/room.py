@@ -35,6 +35,16 @@ COLOURS = {
     "camera_body": ((0.17, 0.18, 0.20, 1.0), 0.25),
     "camera_glass": ((0.05, 0.06, 0.10, 1.0), 0.90),
 }
+FINE_NUMBERS = {
+    "cg.exposure": -0.8,
+    "cg.contrast": 1.12,
+    "cg.temperature": -0.07,
+    "cg.saturation": 1.4,
+    "fallback.environment_light_intensity": 10000.0,
+    "fallback.scene_light_intensity": 70000.0,
+}
+FINE_WORDS = {"cg.tone_mapping": "filmic", "shadows.type": "pcss"}
+"""Light and tone under the physically based renderer (`sim.filament`, Studio), by eye; the classic one ignores them."""
 CHEST_HULL = "chest_hull"
 """Name of the chest plate's collision shape."""
 
@@ -44,6 +54,7 @@ def add_room(root: Element) -> None:
     for name, (rgba, shine) in COLOURS.items():
         add_material(root, name, rgba, shine)
     _add_lights(root)
+    _add_fine_looks(root)
     _add_floor(root)
     _add_table(root.worldbody)
 
@@ -91,6 +102,13 @@ def _add_lights(root: Element) -> None:
             "light", name=name, type="directional", pos=(0.0, 0.0, 2), dir=direction, castshadow=False,
             diffuse=(level, level, 1.06 * level), specular=(0.1, 0.1, 0.1), ambient=(0.0, 0.0, 0.0),
         )  # fmt: skip
+
+
+def _add_fine_looks(root: Element) -> None:
+    for name, number in FINE_NUMBERS.items():
+        root.custom.add("numeric", name=f"filament.{name}", data=[number])
+    for name, word in FINE_WORDS.items():
+        root.custom.add("text", name=f"filament.{name}", data=word)
 
 
 def _add_floor(root: Element) -> None:

@@ -18,17 +18,21 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
+from sim.camera_errors import CameraConfig
 from sim.describe import Element, add_material, mjcf
-from sim.lens import CameraConfig, canvas, mujoco_camera
+from sim.deviations import ArmConfig, calibration, true_arm
+from sim.lens import canvases, mujoco_camera
+from sim.live.skin import hang_skin
 from sim.phantom import Phantom, PhantomConfig
 from sim.probe import add_tool, tip_pose
 from sim.probe_face import ProbeFace
 from sim.room import LIT_CENTRE, LIT_RADIUS, STANDING_ROOM_X, STANDING_ROOM_Y, add_chest, add_room, add_stand
+from sim.servo import PERIOD as PERIOD
+from sim.servo import ServoConfig
 from sim.ur5e import add_arm
-from sim.wrench_sensor import GRAVITY_W, WrenchSensorConfig
+from sim.wrench_errors import WrenchSensorConfig
+from sim.wrench_sensor import GRAVITY_W
 
-PERIOD = 0.002
-"""Control period and physics time step [s]."""
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
 """Joint angles [rad] with the arm parked over its base, out of both cameras' view of the phantom."""
@@ -46,6 +50,8 @@ class SceneConfig:
     """Rig file with `X_BL`; None for the one that comes with the package."""
     mount_angle: float = np.pi / 4
     """Angle between the probe's axis and the flange's [rad]."""
+    arm: ArmConfig = field(default_factory=ArmConfig)
+    servo: ServoConfig = field(default_factory=ServoConfig)
     wrist: WrenchSensorConfig = field(default_factory=WrenchSensorConfig)
     camera: CameraConfig = field(default_factory=CameraConfig)
 
@@ -77,6 +83,10 @@ class Scene:
         self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
         self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
         self.X_FP = tip_pose(self.config.mount_angle)
+        self.arm = true_arm(self.config.arm)
+        """Where the simulated arm's axes lie."""
+        self.calibration = calibration(self.config.arm)
+        """And where the robot says that they lie."""
 
     @cached_property
     def physics(self) -> mujoco.MjModel:
@@ -87,23 +97,31 @@ class Scene:
     def pictures(self) -> mujoco.MjModel:
         """The model that is drawn: with the skin as flex `skin` and the rig's cameras `left` and `right`."""
         root = self._describe(with_skin=True)
-        for side, camera, X_BC in (("left", self.rig.left, self.X_BL), ("right", self.rig.right, self.X_BR)):
-            pinhole = canvas(camera, self.config.camera.supersampling)
-            root.worldbody.add("camera", name=side, **mujoco_camera(pinhole, X_BC))
+        drawn = canvases(self.rig, self.config.camera.supersampling)
+        for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
+            root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
+        return _compile(root)
+
+    @cached_property
+    def live(self) -> mujoco.MjModel:
+        """The model that a viewer shows: a viewer gets the state alone, so the skin hangs on mocap bodies."""
+        root = self._describe(with_skin=True)
+        hang_skin(root, self.X_BS, self.phantom.skin)
         return _compile(root)
 
     def _describe(self, *, with_skin: bool) -> Element:
         root: Element = mjcf.RootElement(model="breastscan")
         root.compiler.angle = "radian"
-        root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="implicitfast")
-        root.option.flag.autoreset = "disable"
+        # Explicit damping: the speeds then change as the accelerations say that the wrist sensor's forces come from.
+        root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="Euler")
+        root.option.flag.set_attributes(autoreset="disable", eulerdamp="disable")
         root.statistic.set_attributes(extent=LIT_RADIUS, center=LIT_CENTRE)
         root.visual.map.set_attributes(znear=0.02, zfar=20)
         root.visual.quality.shadowsize = SHADOW_MAP_PX
         root.visual.headlight.set_attributes(ambient=(0.32, 0.32, 0.33), diffuse=(0.08, 0.08, 0.08), specular=(0, 0, 0))
         add_room(root)
         add_stand(root, self.X_BL, self.X_BR)
-        add_tool(add_arm(root), self.config.mount_angle, ProbeFace())
+        add_tool(add_arm(root, self.arm), self.config.mount_angle, ProbeFace())
         chest = add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
         if with_skin:
             _add_skin(root, chest, self.phantom)

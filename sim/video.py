@@ -19,8 +19,8 @@ from sim.tissue import SoftTissue
 
 CODEC = "vp09"
 """The one codec that OpenCV's wheel writes and every browser plays."""
-FILM_SUPERSAMPLING, STILL_SUPERSAMPLING = 1.5, 3.0
-"""Drawn over delivered pixels, each way [-]."""
+FILM_SUPERSAMPLING, STILL_SUPERSAMPLING, FINE_SUPERSAMPLING = 1.5, 3.0, 1.5
+"""Drawn over delivered pixels, each way [-]; the fine renderer smooths edges by itself."""
 INSET_SHARE = 1 / 3
 """Size of the close-up over that of the film [-]."""
 FONT, INK, SHADE = cv2.FONT_HERSHEY_DUPLEX, (245, 245, 245), 0.45
@@ -65,6 +65,8 @@ class VideoConfig:
     """Frames per second of film [Hz]."""
     speed_up: float = 2.0
     """Scan time per film time [-]."""
+    fine: bool = False
+    """Whether `sim.filament` draws it; it must be usable."""
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "fps", "speed_up"):
@@ -126,11 +128,14 @@ def render_still(
     q: Float[np.ndarray, "6"],
     view: View = OVERVIEW,
     size_px: tuple[int, int] = (1280, 800),
+    *,
+    fine: bool = False,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """One fine RGB picture of the arm at `q` [rad] with the skin pressed by its probe."""
+    """One RGB picture of the arm at `q` [rad] with the skin pressed by its probe, by `sim.filament` if `fine`."""
     skin_S = pressed_skin(scene, tissue, q)
     tissue.reset()
-    with Picture(scene, *_scaled(size_px, STILL_SUPERSAMPLING)) as picture:
+    drawn_px = _scaled(size_px, FINE_SUPERSAMPLING if fine else STILL_SUPERSAMPLING)
+    with Picture(scene, *drawn_px, fine=fine) as picture:
         return _shoot(picture, view, q, skin_S, size_px)
 
 
@@ -153,8 +158,8 @@ def _frames(
     frame_px = (config.width, config.height)
     inset_px = _scaled(frame_px, INSET_SHARE)
     with (
-        Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING)) as wide,
-        Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False) as near,
+        Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine) as wide,
+        Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine) as near,
     ):
         for row in rows:
             q = footage.q[row]

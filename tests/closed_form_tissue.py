@@ -34,3 +34,10 @@ class UndefinedTissue(SoftTissue):
     def press(self, X_SP, velocity_S):
         nowhere = np.full(3, np.nan)
         return Contact(force_S=nowhere, torque_S=nowhere, depth=0.0, vertices=0, centre_S=nowhere)
+
+
+class ExplodingTissue(SpringTissue):
+    """A spring that is stiffer than the time step can bear: 100 MN/m without damping."""
+
+    def __init__(self, height: float) -> None:
+        super().__init__(height, stiffness=1e8)

@@ -1,25 +1,33 @@
-"""A robot of the tests: perfect servo, and a flat elastic surface under the probe."""
+"""A robot of the tests: a servo that is exact but may be late, and a flat elastic surface under the probe."""
+
+from collections import deque
 
 import numpy as np
 
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 
 X_FP = se3.pose(np.eye(3), np.array([0.0, 0.0, 0.15]))
 
 
 class SpringRobot:
-    """Moves exactly as told; a plane z = height in B pushes back with a stiffness [N/m] along its normal."""
+    """Moves exactly as told, `late` periods later; a plane z = height in B pushes back with a stiffness [N/m]."""
 
     period = 0.002
 
-    def __init__(self, q, height, stiffness=1000.0):
+    def __init__(self, q, height, stiffness=1000.0, late=0):
         self.q, self.height, self.stiffness = np.array(q, float), height, stiffness
+        self.calibration = KinematicCalibration.nominal()
         self.X_FP, self.time, self.offset = X_FP, 0.0, np.zeros(6)
+        self.servo_lag, self._waiting = late * self.period, deque([self.q] * late)
         self.qd, self.stopped, self.largest_force = np.zeros(6), False, 0.0
 
     def state(self):
-        return RobotState(time=self.time, q=self.q.copy(), qd=self.qd.copy(), wrench_P=self._wrench() - self.offset)
+        wrench_P = self._wrench() - self.offset
+        return RobotState(
+            time=self.time, q=self.q.copy(), qd=self.qd.copy(), wrench_P=wrench_P, sample=round(self.time / self.period)
+        )
 
     def _wrench(self):
         X_BP = kinematics.forward(self.q) @ self.X_FP
@@ -28,11 +36,14 @@ class SpringRobot:
         return np.concatenate([X_BP[:3, :3].T @ [0.0, 0.0, force], np.zeros(3)])
 
     def servo_joint(self, q):
-        self.qd, self.q = (q - self.q) / self.period, q.copy()
+        self._waiting.append(q.copy())
+        q = self._waiting.popleft()
+        self.qd, self.q = (q - self.q) / self.period, q
         self.time += self.period
 
     def move_joint(self, q, speed, acceleration):
         self.q, self.qd = np.array(q, float), np.zeros(6)
+        self._waiting = deque([self.q] * len(self._waiting))
         self.time += 1.0
 
     def tare(self):

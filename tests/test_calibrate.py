@@ -110,6 +110,18 @@ def test_a_damaged_or_missing_picture_is_named(rig, tmp_path):
         shots.read_shots(tmp_path, BOARD)
 
 
+@pytest.mark.parametrize("suffix", [".jpg", ".tiff", ".bmp"])
+def test_pictures_of_any_kind_are_read(rig, tmp_path, suffix):
+    write_pictures(tmp_path, rig, poses_in_view(rig, 1, np.random.default_rng(0)))
+    from_png = shots.read_shots(tmp_path, BOARD).shots[0]
+    for path in list(tmp_path.glob("*.png")):
+        cv2.imwrite(str(path.with_suffix(suffix)), cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        path.unlink()
+    found = shots.read_shots(tmp_path, BOARD).shots[0]
+    assert found.name == "00"
+    assert np.abs(found.left - from_png.left).max() < 0.1
+
+
 def test_pictures_of_another_size_are_named(rig, tmp_path):
     write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
     cv2.imwrite(str(tmp_path / "01_left.png"), np.zeros((100, 120), np.uint8))

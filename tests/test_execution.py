@@ -11,6 +11,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError, SafetyError
 from breastscan.execution import ScanMotion
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from tests.springs import X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -43,7 +44,7 @@ def motion():
 def scan(motion, height=SKIN, stiffness=1000.0, **settings):
     robot = SpringRobot(motion.q_home, height, stiffness)
     log = execution.execute(robot, motion, ContactConfig(**settings), SafetyLimits())
-    return robot, record.trajectory(log, motion, robot.X_FP)
+    return robot, record.trajectory(log, motion, robot.X_FP, robot.calibration)
 
 
 def test_the_loop_holds_five_newtons_within_a_tenth(motion):
@@ -76,6 +77,17 @@ def test_tangential_tracking_is_exact_with_a_perfect_servo(motion):
     assert np.abs(executed[:, :2, 3] - planned[:, :2, 3]).max() < 1e-6
     # 5 N on 1 kN/m: the normal part is the indentation
     np.testing.assert_allclose(planned[:, 2, 3] - executed[:, 2, 3], 0.005, atol=1e-4)
+
+
+def test_a_late_arm_is_where_the_plan_is_because_the_plan_is_sent_ahead(motion):
+    robot = SpringRobot(motion.q_home, SKIN, late=17)
+    log = execution.execute(robot, motion, ContactConfig(), SafetyLimits())
+    table = record.trajectory(log, motion, robot.X_FP, robot.calibration)
+    loop = table.filter(table["phase"] == "loop")
+    executed, planned = (loop[name].to_numpy().reshape(-1, 4, 4)[:, :2, 3] for name in ("X_BP", "X_BP_plan"))
+    assert len(loop) == len(motion.q)
+    assert np.abs(executed - planned).max() < 1e-6
+    assert np.abs(-loop["wrench"].to_numpy()[:, 2] - 5.0).max() < 0.1
 
 
 def test_skin_eight_millimetres_from_where_it_was_planned_is_found(motion):
@@ -144,9 +156,11 @@ def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_newton_step_puts_the_shifted_tip_where_it_belongs(motion):
+@pytest.mark.parametrize("deviation", [0.0, 1e-3])
+def test_a_newton_step_puts_the_shifted_tip_where_it_belongs_on_whatever_arm(motion, deviation):
+    arm = KinematicCalibration.from_dh_corrections(**dict.fromkeys(("theta", "d", "a", "alpha"), np.full(6, deviation)))
     q, depth = motion.q[100], 0.0001
-    X_goal = kinematics.forward(q) @ X_FP
+    X_goal = arm.forward(q) @ X_FP
     X_goal[:3, 3] += depth * X_goal[:3, 2]
-    X_reached = kinematics.forward(execution.shifted_joints(q, q, X_FP, depth)) @ X_FP
+    X_reached = arm.forward(execution.shifted_joints(arm, q, q, X_FP, depth)) @ X_FP
     np.testing.assert_allclose(X_reached, X_goal, atol=1e-7)

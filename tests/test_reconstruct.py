@@ -11,6 +11,7 @@ from breastscan.errors import PerceptionError
 from breastscan.reconstruct import read_grey, reconstruct
 from breastscan.scan import ScanConfig
 from breastscan.vision.camera import Intrinsics, StereoRig
+from experiments.depth_edges import edge_pair
 from experiments.ray_cast_dome import DomeScene
 
 SCENE = DomeScene()
@@ -62,6 +63,32 @@ def test_cloud_on_disk_lies_on_the_sphere(folder, tmp_path):
     distance = np.linalg.norm(np.asarray(cloud.vertices) - SCENE.sphere_centre, axis=-1) - SCENE.sphere_radius
     assert 1e3 * np.sqrt(np.mean(distance**2)) < 0.2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.tiff", "disparity.png"]
+
+
+def test_view_without_a_breast_gives_a_cloud_of_all_that_is_seen(folder, tmp_path):
+    """The room of boards before a wall: each point lies at one of their depths, a pixel of disparity being 1 to 2 %."""
+    room = edge_pair(width=640, height=448)
+    cv2.imwrite(str(folder / "room_left.png"), room.left)
+    cv2.imwrite(str(folder / "room_right.png"), room.right)
+    view = run(folder, tmp_path, left="room_left.png", right="room_right.png")
+    assert view.breast is None
+    cloud = trimesh.load(tmp_path / "cloud.ply")
+    assert len(cloud.vertices) > 10_000
+    disparity = SCENE.focal_px * SCENE.baseline / np.asarray(cloud.vertices)[:, 2]
+    known = room.disparity[room.seen_twice]
+    assert known.min() - 1 < np.quantile(disparity, 0.01)
+    assert np.quantile(disparity, 0.99) < known.max() + 1
+    depth = cv2.imread(str(tmp_path / "depth.tiff"), cv2.IMREAD_UNCHANGED)
+    off = np.abs(SCENE.focal_px * SCENE.baseline / depth - room.disparity)[room.seen_twice & np.isfinite(depth)]
+    assert np.mean(off > 1) < 0.02
+
+
+def test_two_unrelated_images_are_refused(folder, tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(folder / name), rng.integers(0, 255, (448, 640)).astype(np.uint8))
+    with pytest.raises(PerceptionError, match="nothing in the two images matches"):
+        run(folder, tmp_path, left="a.png", right="b.png")
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])

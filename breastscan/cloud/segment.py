@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import binary_fill_holes
 
-from breastscan.errors import PerceptionError
+from breastscan.errors import NoBreastError
 
 PLANE_SAMPLE = 50_000
 """Points that the planes are sought in: a plate on a tenth of them is known to some micrometres."""
@@ -28,6 +28,8 @@ RING_WIDTH = 0.25
 """Width of the ring around a bump that must be plate, as a share of the bump's own."""
 BUMPS = 5
 """Objects on one plane that are looked at, the largest in the image first."""
+SMALLEST_PX = 2000
+"""An object seen by fewer pixels, some 50 across, cannot be measured, whatever it is."""
 
 
 LISTED = 3
@@ -97,7 +99,7 @@ def segment_breast(points: Float[np.ndarray, "h w 3"], config: SegmentConfig | N
     """Find the breast in an organised cloud in L [m], NaN where unknown.
 
     Raises:
-        PerceptionError: No plane in view carries a bump of plausible size.
+        NoBreastError: No plane in view carries a bump of plausible size.
     """
     config = config or SegmentConfig()
     rejected = []
@@ -109,7 +111,7 @@ def segment_breast(points: Float[np.ndarray, "h w 3"], config: SegmentConfig | N
                 return breast
             rejected.append(f"an object {fault} (plane at {-1e3 * plane.offset:.0f} mm)")
     low, high = (1e3 * width for width in config.width_range)
-    raise PerceptionError(
+    raise NoBreastError(
         f"expected a breast {low:.0f} to {high:.0f} mm wide on a flat chest plate, found "
         f"{', '.join(rejected[:LISTED]) or 'nothing that stands on a plane'}: move the cameras until breast and plate "
         "are in view of both, and look at the disparity for missing depth",
@@ -204,6 +206,8 @@ def _fault(breast: Breast, heights: Float[np.ndarray, "h w"], config: SegmentCon
         return f"{1e3 * breast.width:.0f} mm wide"
     if not config.height_range[0] <= breast.height <= config.height_range[1]:
         return f"{1e3 * breast.height:.0f} mm high"
+    if np.count_nonzero(breast.mask) < SMALLEST_PX:
+        return f"seen by only {np.count_nonzero(breast.mask)} px"
     inside = cv2.erode(breast.mask.astype(np.uint8), CROSS) > 0
     rim_height = float(np.nanmedian(heights[breast.mask & ~inside]))
     if rim_height > config.step_height:

@@ -6,6 +6,7 @@ stays as it is: its closed form gives all branches of the inverse, and Newton's 
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import no_type_check
 
 import numba
@@ -51,6 +52,13 @@ class KinematicCalibration:
             )
 
     @staticmethod
+    @cache
+    def nominal() -> "KinematicCalibration":
+        """The arm of the drawing, for want of its own file."""
+        zero = np.zeros(6)
+        return KinematicCalibration.from_dh_corrections(theta=zero, d=zero, a=zero, alpha=zero)
+
+    @staticmethod
     def from_dh_corrections(
         *,
         theta: Float[np.ndarray, "6"],
@@ -85,6 +93,11 @@ class KinematicCalibration:
         for one, frames in zip(J, _joint_frames(q.reshape(-1, 6), self.X_joints, self.X_6F), strict=True):
             _flange_jacobian(frames, one)
         return J.reshape(*q.shape[:-1], 6, 6)
+
+    def step(self, q: Float[np.ndarray, "6"], X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6"]:
+        """Joint angles one Newton step from `q` [rad] towards a pose: for targets that move little between calls."""
+        q = np.ascontiguousarray(q)
+        return q + _newton_step(_joint_frames(q[None], self.X_joints, self.X_6F)[0], np.ascontiguousarray(X_BF))
 
     def inverse(self, X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k 6"]:
         """All joint angles that reach one flange pose, as `kinematics.inverse` gives them."""
@@ -169,20 +182,26 @@ def _pose_error(X, X_goal):
 
 @numba.njit(cache=True)
 @no_type_check
+def _newton_step(frames, X_goal):
+    """Joint angles that take the flange to the goal, to first order."""
+    J = np.empty((6, 6))
+    _flange_jacobian(frames, J)
+    # near a singularity the least step is taken: J may not be invertible there
+    return J.T @ np.linalg.solve(J @ J.T + 1e-14 * np.eye(6), _pose_error(frames[6], X_goal))
+
+
+@numba.njit(cache=True)
+@no_type_check
 def _refine(q, X_goals, X_joints, X_6F):
     """Newton's method on each row of `q`, in place; NaN where it does not come to rest."""
-    J = np.empty((6, 6))
     for k in range(len(q)):
         if np.isnan(q[k, 0]):
             continue
         for _ in range(NEWTON_STEPS):
             frames = _joint_frames(q[k : k + 1], X_joints, X_6F)[0]
-            error = _pose_error(frames[6], X_goals[k])
-            if np.abs(error).max() < CONVERGED:
+            if np.abs(_pose_error(frames[6], X_goals[k])).max() < CONVERGED:
                 break
-            _flange_jacobian(frames, J)
-            # near a singularity the least step is taken: J may not be invertible there
-            step = J.T @ np.linalg.solve(J @ J.T + 1e-14 * np.eye(6), error)
+            step = _newton_step(frames, X_goals[k])
             q[k] += step * min(1.0, LARGEST_STEP / max(np.abs(step).max(), 1e-12))
         else:
             q[k] = np.nan

@@ -10,6 +10,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotState:
@@ -24,6 +26,9 @@ class RobotState:
     wrench_P: Float[np.ndarray, "6"]
     """Wrench that the tissue exerts on the probe, force first, at the tip P in basis P [N, N m]: since the last
     `tare`, with the tool's own weight taken out. A pressing probe reads a negative force along z."""
+    sample: int
+    """Counts the wrist sensor's samples: a count that stands still while `time` passes is a frozen sensor, which a
+    repeated value alone would not show."""
 
 
 @runtime_checkable
@@ -38,6 +43,20 @@ class Robot(Protocol):
     @property
     def X_FP(self) -> Float[np.ndarray, "4 4"]:
         """Pose of the probe tip in the flange, as the tool was set up."""
+        ...
+
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The arm's kinematics as read from its controller, which plan and control go by; the nominal ones where
+        nothing was read. The true ones are known to nobody.
+        """
+        ...
+
+    @property
+    def servo_lag(self) -> float:
+        """Time by which the arm trails steadily moving joint targets [s]: `state` after a `servo_joint` shows about the
+        target of so long ago. Nominal; whoever wants the arm on a planned motion leads its targets by it.
+        """
         ...
 
     def state(self) -> RobotState:

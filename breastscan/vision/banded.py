@@ -59,14 +59,41 @@ def _add_multiple(target, factor, source):
 
 @kernel
 def _factorize(matrix):
+    """Four pivots at a time: each row below them is fetched from memory once for all four."""
     size, band = matrix.shape
-    for j in range(size):
-        if not matrix[j, 0] > 0.0:
-            return False
-        matrix[j] /= np.sqrt(matrix[j, 0])
-        for i in range(1, min(band, size - j)):
-            _add_multiple(matrix[j + i, : band - i], -matrix[j, i], matrix[j, i:])
+    for first in range(0, size, 4):
+        end = min(first + 4, size)
+        for pivot in range(first, end):
+            if not matrix[pivot, 0] > 0.0:
+                return False
+            matrix[pivot] /= np.sqrt(matrix[pivot, 0])
+            for i in range(1, min(band, end - pivot)):
+                _add_multiple(matrix[pivot + i, : band - i], -matrix[pivot, i], matrix[pivot, i:])
+        for row in range(end, min(first + band, size)):
+            shared = band - (row - first)  # entries that all four pivots reach
+            _subtract_products(
+                matrix[row, :shared],
+                matrix[first, row - first :],
+                matrix[first + 1, row - first - 1 :],
+                matrix[first + 2, row - first - 2 :],
+                matrix[first + 3, row - first - 3 :],
+            )
+            for pivot in range(first + 1, end):
+                i = row - pivot
+                _add_multiple(matrix[row, shared : band - i], -matrix[pivot, i], matrix[pivot, i + shared :])
+        for row in range(min(first + band, size), min(first + 3 + band, size)):
+            for pivot in range(row - band + 1, end):
+                i = row - pivot
+                _add_multiple(matrix[row, : band - i], -matrix[pivot, i], matrix[pivot, i:])
     return True
+
+
+@kernel
+def _subtract_products(target, a, b, c, d):
+    """`target -= a[0] a + b[0] b + c[0] c + d[0] d`, over the target's length."""
+    a0, b0, c0, d0 = a[0], b[0], c[0], d[0]
+    for k in range(target.size):
+        target[k] -= a0 * a[k] + b0 * b[k] + c0 * c[k] + d0 * d[k]
 
 
 @kernel

@@ -1,7 +1,7 @@
 """32 small unsigned integers at a time, for kernels that numba compiles.
 
-`Lanes` is a numba type held in vector registers. Inside a `@kernel`, `a + b`, `a - b`, `a & b`, `a | b` and `a ^ b`
-work lane by lane and wrap around; the functions below do the rest. LLVM maps them to whatever the processor has
+`Lanes` is a numba type held in vector registers. Inside a `@kernel`, `a + b`, `a - b`, `a << b`, `a & b`, `a | b` and
+`a ^ b` work lane by lane and wrap around; the functions below do the rest. LLVM maps them to whatever the processor has
 (AVX-512, AVX2, SSE, NEON), so one source serves all of them and no C compiler is needed.
 """
 
@@ -63,6 +63,7 @@ def _define_operator(operation: Callable, instruction: str) -> None:
 for _operation, _instruction in (
     (operator.add, "add"),
     (operator.sub, "sub"),
+    (operator.lshift, "shl"),
     (operator.and_, "and_"),
     (operator.or_, "or_"),
     (operator.xor, "xor"),
@@ -213,12 +214,24 @@ def chosen(typing_context, mask, a, b):
 
 
 @_primitive
-def first_equal(typing_context, a, b):
-    """The first lane in which `a` and `b` are equal, `LANES` if they differ in all."""
+def equal(typing_context, a, b):
+    """A number whose bit i tells whether `a` and `b` are equal in lane i."""
 
     def emit(context, builder, signature, operands):
-        equal = builder.bitcast(builder.icmp_unsigned("==", *operands), ir.IntType(LANES))
-        trailing_zeros = builder.cttz(equal, ir.Constant(ir.IntType(1), 0))
-        return builder.zext(trailing_zeros, ir.IntType(64))
+        bits = builder.bitcast(builder.icmp_unsigned("==", *operands), ir.IntType(LANES))
+        return builder.zext(bits, ir.IntType(64))
 
     return types.int64(a, b), emit
+
+
+@_primitive
+def count_bits(typing_context, bits):
+    """The number of bits set in a number."""
+    return types.int64(types.int64), lambda context, builder, signature, operands: builder.ctpop(operands[0])
+
+
+@_primitive
+def first_bit(typing_context, bits):
+    """The place of the lowest bit set in a number other than 0."""
+    false = ir.Constant(ir.IntType(1), 0)
+    return types.int64(types.int64), lambda context, builder, signature, operands: builder.cttz(operands[0], false)

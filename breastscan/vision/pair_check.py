@@ -17,6 +17,8 @@ TAIL = 0.02
 EXCHANGED_GAIN = 1.25
 """The images are exchanged if the other way round this many times as many pixels match: of two unrelated images, too,
 a third may."""
+LEAST_SHARE = 0.05
+"""Fewer matches say nothing about the order: the two images do not belong together."""
 
 
 def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
@@ -58,7 +60,7 @@ def check_order(matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarr
         PerceptionError: Left and right are exchanged.
     """
     share, exchanged_share = _known_share(matched), _known_share(exchanged)
-    if exchanged_share > EXCHANGED_GAIN * share:
+    if exchanged_share > max(EXCHANGED_GAIN * share, LEAST_SHARE):
         raise PerceptionError(
             f"the left and the right image are exchanged: {100 * share:.0f} % of the pixels match as given, "
             f"{100 * exchanged_share:.0f} % the other way round: exchange the two files, or the cameras' cables",

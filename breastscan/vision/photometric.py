@@ -3,20 +3,23 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, Shaped
 from scipy.ndimage import spline_filter1d
 
 from breastscan.vision.banded import factorized, solved
+from breastscan.vision.lanes import kernel
 from breastscan.vision.spline_field import Region, SplineField
 
 RIDGE = 1e-9
 """Added to the diagonal, so that a coefficient that no pixel sees stays where it is."""
 INITIAL_SMOOTHING = 1e-2
-INITIAL_ROUNDS = 3
+INITIAL_ROUNDS = 2
 INITIAL_OUTLIER_PX = 0.3
 """In the fit to the matcher's disparity, a residual beyond this counts less."""
 NORMAL_DEVIATIONS = 1.4826
 """Standard deviations of a normal distribution in its median absolute value."""
+RENEWED_ABOVE_PX = 0.02
+"""After a shorter step, RMS over the object, the normal matrix is kept [px]."""
 LEAST_NOISE = 0.3
 """Grey levels of noise that rounding to 8 bit leaves in any image."""
 
@@ -25,17 +28,18 @@ LEAST_NOISE = 0.3
 class FitConfig:
     """How the field is fitted to the images."""
 
-    smoothing: float = 3.0
+    smoothing: float = 10.0
     """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
-    huber: float = 2.5
-    """A residual beyond this many deviations of the noise counts less."""
-    iterations: int = 6
+    doubtful: float = 2.4
+    """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up 5 % of what normal
+    noise tells): occluded pixels at the object's rim must not pull."""
+    iterations: int = 8
     """Gauss-Newton steps at most."""
-    converged_px: float = 2e-3
-    """A step smaller than this ends the iteration [px]."""
+    converged_px: float = 1e-3
+    """A step smaller than this, RMS over the object, ends the iteration [px]."""
 
     def __post_init__(self) -> None:
-        for name in ("smoothing", "huber", "converged_px"):
+        for name in ("smoothing", "doubtful", "converged_px"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
         if self.iterations < 1:
@@ -54,7 +58,7 @@ class GreyLevels:
     """Column of each pixel in the whole image."""
 
     @staticmethod
-    def cut(left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], region: Region) -> "GreyLevels":
+    def cut(left: Shaped[np.ndarray, "h w"], right: Shaped[np.ndarray, "h w"], region: Region) -> "GreyLevels":
         """Those that the region needs."""
         rows, columns = np.mgrid[region.rows, region.columns]
         splines = spline_filter1d(right[region.rows].astype(float), 3, axis=1, mode="mirror")
@@ -69,14 +73,28 @@ class GreyLevels:
         self, disparity: Float[np.ndarray, "cells pixels"]
     ) -> tuple[Float[np.ndarray, "cells pixels"], Float[np.ndarray, "cells pixels"]]:
         """Right grey level at x - d and its slope along x; beyond the border that of the border, with no slope."""
-        exact = self.column - disparity
-        position = np.clip(exact, 1.0, self.right_splines.shape[1] - 2.001)
-        knot = position.astype(np.int64)
-        t = position - knot
-        c0, c1, c2, c3 = (self.right_splines[self.row, knot + i] for i in range(-1, 3))
-        value = ((1 - t) ** 3 * c0 + (3 * t**3 - 6 * t**2 + 4) * c1 + (3 * (t + t**2 - t**3) + 1) * c2 + t**3 * c3) / 6
-        slope = (-((1 - t) ** 2) * c0 + (3 * t**2 - 4 * t) * c1 + (1 + 2 * t - 3 * t**2) * c2 + t**2 * c3) / 2
-        return value, np.where(position == exact, slope, 0.0)
+        value, slope = np.empty_like(disparity), np.empty_like(disparity)
+        _evaluate_rows(self.right_splines, self.row, self.column, disparity, value, slope)
+        return value, slope
+
+
+@kernel
+def _evaluate_rows(splines, row, column, disparity, value, slope):
+    """Cubic B-splines along rows, at column - disparity; compiled, since NumPy's temporaries cost ten times as much."""
+    last = splines.shape[1] - 2.001
+    for i in range(disparity.shape[0]):
+        for k in range(disparity.shape[1]):
+            exact = column[i, k] - disparity[i, k]
+            position = min(max(exact, 1.0), last)
+            knot = int(position)
+            t = position - knot
+            c0, c1 = splines[row[i, k], knot - 1], splines[row[i, k], knot]
+            c2, c3 = splines[row[i, k], knot + 1], splines[row[i, k], knot + 2]
+            value[i, k] = (
+                (1 - t) ** 3 * c0 + (3 * t**3 - 6 * t**2 + 4) * c1 + (3 * (t + t**2 - t**3) + 1) * c2 + t**3 * c3
+            ) / 6
+            along = (-((1 - t) ** 2) * c0 + (3 * t**2 - 4 * t) * c1 + (1 + 2 * t - 3 * t**2) * c2 + t**2 * c3) / 2
+            slope[i, k] = along if position == exact else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +103,8 @@ class PhotometricFit:
 
     coefficients: Float[np.ndarray, "n"]
     """The field's [px]."""
-    matrix: Float[np.ndarray, "n band"]
-    """Banded normal matrix that the coefficients come from [1/px^2, times the noise variance]."""
+    factor: Float[np.ndarray, "n band"]
+    """Banded U with U^T U the normal matrix that the coefficients come from [1/px^2, times the noise variance]."""
     gain: float = 1.0
     bias: float = 0.0
     noise: float = LEAST_NOISE
@@ -99,12 +117,12 @@ def fit_to_matcher(
     """Coefficients of the field that best follows the matcher's disparity, outliers counting little."""
     known = smooth & np.isfinite(matched)
     target = np.where(known, matched, 0.0)
-    smoothing = INITIAL_SMOOTHING * field.banded(field.bending) + _ridge(field)
+    smoothing = INITIAL_SMOOTHING * field.banded_bending + _ridge(field)
     coefficients, weight = np.zeros(field.size), known.astype(float)
     for _ in range(INITIAL_ROUNDS):
         factor = factorized(field.normal_matrix(weight) + smoothing)
         coefficients = solved(factor, field.right_side(weight * target))
-        weight = known * _huber_weight(target - field.evaluate(coefficients), INITIAL_OUTLIER_PX)
+        weight = known * cauchy_weight(target - field.evaluate(coefficients), INITIAL_OUTLIER_PX)
     return coefficients
 
 
@@ -115,12 +133,15 @@ def fit_to_images(
     coefficients: Float[np.ndarray, "n"],
     config: FitConfig,
 ) -> PhotometricFit:
-    """Gauss-Newton from `coefficients` until a step is small."""
-    bending = field.banded(field.bending)
-    fit = PhotometricFit(coefficients=coefficients, matrix=bending)
+    """Gauss-Newton from `coefficients` until a step is small.
+
+    The normal matrix hardly changes once the steps are short, and is then kept: to factorize it is most of the work.
+    """
+    fit, step_px = PhotometricFit(coefficients=coefficients, factor=field.banded_bending), np.inf
     for _ in range(config.iterations):
-        before, fit = fit, _step(field, images, smooth, bending, fit, config)
-        if np.abs(fit.coefficients - before.coefficients).max() < config.converged_px:
+        before, fit = fit, _step(field, images, smooth, fit, config, renew=step_px > RENEWED_ABOVE_PX)
+        step_px = float(np.sqrt(np.mean(field.evaluate(fit.coefficients - before.coefficients)[smooth] ** 2)))
+        if step_px < config.converged_px:
             break
     return fit
 
@@ -129,22 +150,32 @@ def _step(
     field: SplineField,
     images: GreyLevels,
     smooth: Bool[np.ndarray, "cells pixels"],
-    bending: Float[np.ndarray, "n band"],
     fit: PhotometricFit,
     config: FitConfig,
+    *,
+    renew: bool,
 ) -> PhotometricFit:
     """One Gauss-Newton step on left - gain * right(x - d) - bias, with the smoothing scaled by the noise."""
     right, slope = images.right_at(field.evaluate(fit.coefficients))
     residual = images.left - fit.gain * right - fit.bias
-    noise = max(LEAST_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual[smooth]))))
-    weight = smooth * _huber_weight(residual, config.huber * noise)
+    noise = noise_of(residual[smooth])
+    weight = smooth * cauchy_weight(residual, config.doubtful * noise)
     derivative = fit.gain * slope  # of the residual by d
     smoothing = config.smoothing * noise**2
-    matrix = field.normal_matrix(weight * derivative**2) + smoothing * bending + _ridge(field)
+    factor = fit.factor
+    if renew:
+        factor = factorized(
+            field.normal_matrix(weight * derivative**2) + smoothing * field.banded_bending + _ridge(field)
+        )
     descent = -field.right_side(weight * derivative * residual) - smoothing * (field.bending @ fit.coefficients)
-    gain, bias = _line_fit(right, images.left, weight)
-    coefficients = fit.coefficients + solved(factorized(matrix), descent)
-    return PhotometricFit(coefficients=coefficients, matrix=matrix, gain=gain, bias=bias, noise=noise)
+    gain, bias = line_fit(right, images.left, weight)
+    coefficients = fit.coefficients + solved(factor, descent)
+    return PhotometricFit(coefficients=coefficients, factor=factor, gain=gain, bias=bias, noise=noise)
+
+
+def noise_of(residual: Float[np.ndarray, "n"]) -> float:
+    """Standard deviation of grey-level differences, most of which are noise [grey levels]."""
+    return max(LEAST_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual))))
 
 
 def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:
@@ -152,11 +183,12 @@ def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:
     return RIDGE * np.eye(1, field.bandwidth + 1)[0]
 
 
-def _huber_weight(residual: Float[np.ndarray, "*s"], limit: float) -> Float[np.ndarray, "*s"]:
-    return 1.0 / np.maximum(1.0, np.abs(residual) / limit)
+def cauchy_weight(residual: Float[np.ndarray, "*s"], half: float) -> Float[np.ndarray, "*s"]:
+    """Weight of each residual in a robust least squares; one as large as `half` counts half."""
+    return 1.0 / (1.0 + (residual / half) ** 2)
 
 
-def _line_fit(
+def line_fit(
     x: Float[np.ndarray, "*s"], y: Float[np.ndarray, "*s"], weight: Float[np.ndarray, "*s"]
 ) -> tuple[float, float]:
     """Slope and intercept of the weighted least-squares line; slope 1 where x does not vary."""

@@ -2,18 +2,24 @@
 
 A bicubic B-spline disparity field is fitted to the images themselves: where the field is right, the left grey level
 equals the right one at x - d, up to the gain and bias between the cameras. Gauss-Newton from the matcher's disparity,
-Huber weights, and a penalty on third differences that is scaled by the noise found in the images. (Not in the paper.)
+robust weights, and a penalty on third differences that is scaled by the noise found in the images. Rows that do not
+match are put right first (`row_shift`). (Not in the paper.)
 """
 
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from breastscan.errors import PerceptionError
-from breastscan.vision.photometric import FitConfig, GreyLevels, fit_to_images, fit_to_matcher
+from breastscan.vision.photometric import FitConfig, GreyLevels, PhotometricFit, fit_to_images, fit_to_matcher
+from breastscan.vision.row_shift import RowShift, row_shift
 from breastscan.vision.spline_field import Region
+
+SHIFT_ROUNDS = 4
+SHIFT_CONVERGED_PX = 0.005
+"""A smaller change of the rows' shift asks for no other fit [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +56,8 @@ class RefinedDisparity:
     """Where the field replaced the matcher's disparity or filled a hole of it."""
     noise: float
     """Standard deviation of the grey-level difference that the fit leaves [grey levels]."""
+    row_shift: RowShift
+    """How far the right image's rows were off, and were put right for the fit."""
 
 
 def refine(
@@ -75,10 +83,9 @@ def refine(
     region = Region.around(smooth, config.spacing_px)
     spline = region.field
     matched, inside = spline.to_cells(region.cut(disparity, np.nan)), spline.to_cells(region.cut(smooth, False))
-    grey_levels = GreyLevels.cut(left, right, region)
-    fit = fit_to_images(spline, grey_levels, inside, fit_to_matcher(spline, matched, inside), config.fit)
+    fit, shift = _fit_on_its_rows(left, right, region, matched, inside, config.fit)
     refined = spline.evaluate(fit.coefficients)
-    sigma = np.sqrt(spline.variance(fit.matrix / fit.noise**2))  # the smoothing is taken as the field's prior
+    sigma = np.sqrt(spline.variance(fit.factor / fit.noise))  # the smoothing is taken as the field's prior
     agrees = ~(np.abs(refined - matched) > config.largest_change_px)  # true in holes
     applied = inside & agrees & (sigma < config.largest_sigma_px)
     return RefinedDisparity(
@@ -86,7 +93,37 @@ def refine(
         sigma_px=region.pasted(np.where(applied, sigma, np.nan), np.full_like(disparity, np.nan)),
         applied=region.pasted(applied, np.zeros_like(mask)),
         noise=fit.noise,
+        row_shift=shift,
     )
+
+
+def _fit_on_its_rows(
+    left: UInt8[np.ndarray, "h w"],
+    right: UInt8[np.ndarray, "h w"],
+    region: Region,
+    matched: Float32[np.ndarray, "cells pixels"],
+    inside: Bool[np.ndarray, "cells pixels"],
+    config: FitConfig,
+) -> tuple[PhotometricFit, RowShift]:
+    """The field and the shift of the rows in turn: where rows do not match, neither is exact without the other."""
+    spline = region.field
+
+    def fitted(coefficients: Float[np.ndarray, "n"], shift: RowShift) -> PhotometricFit:
+        images = GreyLevels.cut(left, shift.undone(right, region.rows), region)
+        return fit_to_images(spline, images, inside, coefficients, config)
+
+    def shifted(coefficients: Float[np.ndarray, "n"], shift: RowShift) -> RowShift:
+        return row_shift(left, right, region, spline.evaluate(coefficients), inside, shift)
+
+    start = fit_to_matcher(spline, matched, inside)
+    shift = shifted(start, RowShift())
+    fit = fitted(start, shift)
+    for _ in range(SHIFT_ROUNDS if shift.is_seen else 0):
+        before, shift = shift, shifted(fit.coefficients, shift)
+        fit = fitted(fit.coefficients, shift)
+        if abs(shift.offset - before.offset) < SHIFT_CONVERGED_PX:
+            break
+    return fit, shift
 
 
 def _near_jumps(matched: Float32[np.ndarray, "h w"], config: RefineConfig) -> Bool[np.ndarray, "h w"]:

@@ -24,26 +24,27 @@ CACHE_LINE = 64
 def semi_global_disparity(
     left: UInt8[np.ndarray, "h 8 w_left"],
     right: UInt8[np.ndarray, "h 8 w_right"],
+    result: Float32[np.ndarray, "h width"],
     *,
-    width: int,
     disparities: int,
     paths: int,
     matching: Matching,
-) -> Float32[np.ndarray, "h width"]:
-    """Disparity of each left pixel [px], NaN where the right image disagrees or the winner ends the range.
+) -> None:
+    """Disparity of the left pixels [px], NaN where the right image disagrees or the winner ends the range.
 
     Args:
-        left: Census planes of the left pixels.
-        right: Census planes of the right pixels; column x + e is compared with left column x at index e.
-        width: Number of left columns to match.
+        left: Census planes of the left pixels. Those columns are matched that the smallest disparity does not carry off
+            the right image.
+        right: Census planes of the right pixels, continued to the left; column x + e is compared with the x-th matched
+            left column at index e.
+        result: Is filled; one column for each that is matched.
         disparities: Number of disparities, a multiple of `LANES`.
         paths: 8, or 4 for rows and columns only.
         matching: Penalties, consistency and sub-pixel fit.
     """
-    height = left.shape[0]
+    height, width = result.shape
     middle = height // 2
     rises, costs = _kept_volumes(height, width, disparities)
-    result = np.empty((height, width), np.float32)
     fronts = _Fronts.at_rest(width, disparities, paths)
 
     def run(downwards: bool, first_step: int, last_step: int, completes: bool) -> None:
@@ -56,7 +57,6 @@ def semi_global_disparity(
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(run, (True, False), (0, 0), (middle, height - middle), (False, False)))
         list(pool.map(run, (True, False), (middle, height - middle), (height, height), (True, True)))
-    return result
 
 
 class _Memory(threading.local):

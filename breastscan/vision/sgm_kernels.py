@@ -12,10 +12,12 @@ from breastscan.vision.census import PLANES, hamming
 from breastscan.vision.lanes import (
     LANES,
     add_saturated,
-    first_equal,
+    equal,
+    first_bit,
     kernel,
     load,
     minimum,
+    smallest,
     splat,
     store,
     widened,
@@ -23,7 +25,12 @@ from breastscan.vision.lanes import (
 
 NO_PATH = np.uint8(255)
 """Cost of a disparity outside the range: no path comes from there."""
+LARGEST_P2 = 63
+"""What the paths of one sweep add to the matching cost, four times P2 at most, is kept in 8 bits."""
 WORST_TOTAL = np.uint16(65535)
+BLOCK_BITS = np.uint16(6)
+"""Bits of a block's number below a total: 8 paths of at most 62 + 63 each leave them free."""
+MOST_DISPARITIES = LANES << int(BLOCK_BITS)
 
 
 class Matching(NamedTuple):
@@ -94,45 +101,65 @@ def matching_cost(string, planes, x):
 
 
 @kernel
-def rise_over(here, beside, floor, matching):
+def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
+    """C(p, d) for the left columns from `first` on, all disparities of one before those of the next."""
+    for x in range(width):
+        string = census_string(left_row, first + x)
+        for e in range(0, disparities, LANES):
+            store(costs, x * disparities + e, matching_cost(string, right_row, x + e))
+
+
+@kernel
+def bounds(floor, matching):
+    """The least path cost behind, and what a jump from there costs: in every lane, once for all disparities."""
+    return splat(floor), splat(np.uint8(floor + matching.P2))
+
+
+@kernel
+def rise_over(here, beside, behind, matching):
     """L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the line.
 
     Args:
         here: Its path costs at d.
         beside: The smaller ones of those at d - 1 and d + 1.
-        floor: Its least path cost.
+        behind: Its `bounds`.
         matching: The penalties.
     """
-    jump = splat(np.uint8(floor + matching.P2))
-    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - splat(floor)
+    floor, jump = behind
+    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - floor
 
 
 @kernel
-def advance(behind, source, ahead, target, e, cost, lowest, disparities, matching):
-    """One line, one pixel onwards: stores L_r(p, d) in slot `target`, gives L_r - C and the least L_r so far."""
-    start = slot_start(source, disparities) + e
-    beside = minimum(load(behind.path_costs, start - 1), load(behind.path_costs, start + 1))
-    rise = rise_over(load(behind.path_costs, start), beside, behind.floors[source], matching)
-    store(ahead.path_costs, slot_start(target, disparities) + e, cost + rise)
+def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, matching):
+    """One line, one pixel onwards: stores L_r(p, d) at `ahead_start`, gives L_r - C and the least L_r so far."""
+    beside = minimum(load(path_costs, start - 1), load(path_costs, start + 1))
+    rise = rise_over(load(path_costs, start), beside, behind, matching)
+    store(ahead_costs, ahead_start, cost + rise)
     return rise, minimum(lowest, cost + rise)
 
 
 @kernel
 def total_cost(cost, rises, stored_rises, paths):
     """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's paths add to it."""
-    twice = widened(cost) + widened(cost)
-    quadruple = twice + twice
-    return widened(rises) + widened(stored_rises) + (quadruple + quadruple if paths == 8 else quadruple)
+    twice = cost + cost
+    if paths == 4:  # all rises together still fit 8 bits, and so does 4 C
+        return widened(twice + twice) + widened(rises + stored_rises)
+    quadruple = widened(twice + twice)
+    return quadruple + quadruple + widened(rises) + widened(stored_rises)
 
 
 @kernel
-def first_index(totals, start, disparities, least):
-    """Index of the first total equal to `least` [Zhang, Eq. 6]: of equal ones the nearest surface."""
-    index = 0
-    for e in range(disparities - LANES, -1, -LANES):
-        lane = first_equal(load(totals, start + e), least)
-        index = e + lane if lane < LANES else index
-    return index
+def ranked(total, e):
+    """Totals at e and after, each with the number of its `LANES` disparities below it: one minimum compares both."""
+    return (total << splat(BLOCK_BITS)) + splat(np.uint16(e // LANES))
+
+
+@kernel
+def first_index(ranks):
+    """Index of the least total [Zhang, Eq. 6]: of equal ones the nearest surface."""
+    least = smallest(ranks)
+    block = least & ((1 << BLOCK_BITS) - 1)
+    return np.int64(block) * LANES + first_bit(equal(ranks, splat(least)))
 
 
 @kernel
@@ -152,6 +179,8 @@ def row_disparities(winners, totals, right_best, disparities, matching, result):
 def _agrees(totals, right_best, x, winner, tolerance, disparities, width):
     """Whether a best disparity of the right pixel lies within `tolerance` of the left winner."""
     best = right_best[x + winner]
+    if totals[x * disparities + winner] == best:  # so nearly everywhere: the processor guesses it right
+        return True
     for shift in range(-tolerance, tolerance + 1):
         left_x, e = x + shift, winner - shift
         if 0 <= left_x < width and 0 <= e < disparities and totals[left_x * disparities + e] == best:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import sparse
 
-from breastscan.vision.banded import factorized, inverse_within_band, product
+from breastscan.vision.banded import inverse_within_band, product
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +62,9 @@ class SplineField:
         band = np.bincount(self._band_position.ravel(), weights=sums.ravel(), minlength=self._band_size)
         return band.reshape(self.size, self.bandwidth + 1)
 
-    def variance(self, information: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "cells pixels"]:
-        """Variance of the field at every pixel, given the banded inverse of its coefficients' covariance."""
-        covariance = inverse_within_band(factorized(information))
+    def variance(self, factor: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "cells pixels"]:
+        """Variance of the field at every pixel; its coefficients' covariance is (U^T U)^-1 of the banded `factor` U."""
+        covariance = inverse_within_band(factor)
         i, j = np.tril_indices(16)
         occurrences = np.where(i == j, 1.0, 2.0)  # below and above the diagonal
         of_cells = covariance.ravel()[self._band_position] * occurrences
@@ -80,9 +80,10 @@ class SplineField:
             energy = energy + multiplicity * (difference.T @ difference)
         return energy
 
-    def banded(self, matrix: sparse.csr_array) -> Float[np.ndarray, "n band"]:
-        """A symmetric matrix of the field's bandwidth in the form that `banded.py` takes."""
-        upper = sparse.triu(matrix).tocoo()
+    @cached_property
+    def banded_bending(self) -> Float[np.ndarray, "n band"]:
+        """The same in the form that `banded.py` takes."""
+        upper = sparse.triu(self.bending).tocoo()
         band = np.zeros((self.size, self.bandwidth + 1))
         band[upper.row, upper.col - upper.row] = upper.data
         return band

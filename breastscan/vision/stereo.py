@@ -1,6 +1,6 @@
 """Disparity of a rectified pair: census, semi-global matching, consistency, sub-pixel, median [Zhang, Sec. II-B]."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -9,19 +9,27 @@ from jaxtyping import Float32, UInt8
 
 from breastscan.errors import PerceptionError
 from breastscan.vision.census import census
-from breastscan.vision.lanes import LANES, kernel
+from breastscan.vision.disparity_filters import filtered
+from breastscan.vision.lanes import LANES
 from breastscan.vision.sgm import semi_global_disparity
-from breastscan.vision.sgm_kernels import Matching
+from breastscan.vision.sgm_kernels import LARGEST_P2, MOST_DISPARITIES, Matching
+
+COARSE_FACTOR, COARSE_WIDTH = 4, 160
+"""The coarse pass shrinks the images so many times, but no narrower than this [px]."""
+COARSE_TAIL = 0.002
+"""Share of the coarse disparities at either end that may be matches by chance."""
+COARSE_MARGIN = 2
+"""Coarse pixels added to the range at either end: what is too small to be seen there, and what ends a range."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StereoConfig:
     """Search range and smoothness of the matcher."""
 
-    min_disparity: int = 64
-    """Smallest disparity searched [px]; 64 px is 1.06 m away on the paper's rig."""
-    num_disparities: int = 128
-    """Number of disparities searched, a multiple of 32."""
+    min_disparity: int | None = None
+    """Smallest disparity searched [px]; None for what a coarse pass over the pair finds."""
+    num_disparities: int | None = None
+    """Number of disparities searched, a multiple of 32; None for what a coarse pass over the pair finds."""
     paths: Literal[4, 8] = 8
     """Directions the cost is summed over [Zhang, Eq. 5]: 8, or 4 for rows and columns only."""
     P1: int = 20
@@ -32,25 +40,35 @@ class StereoConfig:
     """Largest difference between the left and the right image's winner [px] [Zhang, Eq. 7]."""
     subpixel: Literal["equiangular", "parabola"] = "equiangular"
     """Fit of the cost about its minimum. Census costs form a V: a parabola is drawn to whole pixels."""
+    speckle_px: int = 100
+    """Connected patches of fewer pixels are matches by chance and become unknown [px]; 0 for none."""
     median_px: Literal[1, 3, 5] = 5
     """Side of the median filter's window [px]; 1 for none."""
+    mean_px: Literal[1, 3, 5] = 5
+    """Side of the window in which like disparities are averaged, to less sub-pixel noise [px]; 1 for none."""
 
     def __post_init__(self) -> None:
-        if self.min_disparity < 0:
+        if self.min_disparity is not None and self.min_disparity < 0:
             raise ValueError(f"min_disparity must be 0 px or more, got {self.min_disparity}")
-        if self.num_disparities < LANES or self.num_disparities % LANES:
-            raise ValueError(f"num_disparities must be a multiple of {LANES}, got {self.num_disparities}")
+        if self.num_disparities is not None and not (
+            LANES <= self.num_disparities <= MOST_DISPARITIES and self.num_disparities % LANES == 0
+        ):
+            raise ValueError(
+                f"num_disparities must be a multiple of {LANES} up to {MOST_DISPARITIES}, got {self.num_disparities}"
+            )
         if self.paths not in (4, 8):
             raise ValueError(f"paths must be 4 or 8, got {self.paths}")
-        largest_P2 = 255 // (self.paths // 2)  # the sums of half the paths are kept in 8 bits
-        if not 0 < self.P1 <= self.P2 <= largest_P2:
-            raise ValueError(f"0 < P1 <= P2 <= {largest_P2} must hold for {self.paths} paths, got {self.P1}, {self.P2}")
+        if not 0 < self.P1 <= self.P2 <= LARGEST_P2:
+            raise ValueError(f"0 < P1 <= P2 <= {LARGEST_P2} must hold, got {self.P1}, {self.P2}")
         if self.consistency_px < 0:
             raise ValueError(f"consistency_px must be 0 or more, got {self.consistency_px}")
         if self.subpixel not in ("equiangular", "parabola"):
             raise ValueError(f"subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}")
-        if self.median_px not in (1, 3, 5):
-            raise ValueError(f"median_px must be 1, 3 or 5, got {self.median_px}")
+        if self.speckle_px < 0:
+            raise ValueError(f"speckle_px must be 0 or more, got {self.speckle_px}")
+        for name in ("median_px", "mean_px"):
+            if getattr(self, name) not in (1, 3, 5):
+                raise ValueError(f"{name} must be 1, 3 or 5, got {getattr(self, name)}")
 
 
 def disparity_map(
@@ -69,6 +87,48 @@ def disparity_map(
             f"{right.shape[1]}x{right.shape[0]} px (right): rectify them together",
             right.shape,
         )
+    if config.min_disparity is None or config.num_disparities is None:
+        found = disparity_range(left, right, config)
+        if found is None:
+            return np.full(left.shape, np.nan, np.float32)
+        config = replace(config, min_disparity=found[0], num_disparities=found[1])
+    return _matched(left, right, config)
+
+
+def disparity_range(
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], config: StereoConfig
+) -> tuple[int, int] | None:
+    """Smallest disparity and number of disparities [px] around what a coarse pass matches; None if it matches nothing.
+
+    What `config` gives is kept.
+    """
+    factor = min(max(left.shape[1] // COARSE_WIDTH, 1), COARSE_FACTOR)
+    size = (left.shape[1] // factor, max(left.shape[0] // factor, 1))
+    small_left, small_right = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right))
+    half_width = _whole_lanes(size[0] // 2)  # nearer surfaces fill the image and are seen by one camera only
+    coarse = _matched(small_left, small_right, replace(config, min_disparity=0, num_disparities=half_width))
+    known = coarse[np.isfinite(coarse)]
+    if known.size == 0:
+        return None
+    low, high = np.quantile(known, [COARSE_TAIL, 1 - COARSE_TAIL])
+    smallest = config.min_disparity
+    if smallest is None:
+        smallest = max(0, int(factor * (low - COARSE_MARGIN)))
+    count = config.num_disparities or _whole_lanes(int(factor * (high + COARSE_MARGIN)) + 1 - smallest)
+    return smallest, count
+
+
+def _whole_lanes(count: int) -> int:
+    """The least multiple of `LANES` that is `count` or more, and not 0."""
+    return max(-(-count // LANES), 1) * LANES
+
+
+def _matched(
+    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], config: StereoConfig
+) -> Float32[np.ndarray, "h w"]:
+    """The disparity within the range that `config` gives [px]."""
+    assert config.min_disparity is not None
+    assert config.num_disparities is not None
     height, width = left.shape
     matched = width - config.min_disparity
     if height < 1 or matched < 1:
@@ -79,10 +139,10 @@ def disparity_map(
         )
     continued = cv2.copyMakeBorder(right, 0, 0, config.num_disparities - 1, 0, cv2.BORDER_REPLICATE)
     disparity = np.full((height, width), np.nan, np.float32)
-    disparity[:, config.min_disparity :] = semi_global_disparity(
-        np.ascontiguousarray(census(left)[:, :, config.min_disparity :]),
+    semi_global_disparity(
+        census(left),
         census(continued),
-        width=matched,
+        disparity[:, config.min_disparity :],
         disparities=config.num_disparities,
         paths=config.paths,
         matching=Matching(
@@ -93,46 +153,4 @@ def disparity_map(
             equiangular=config.subpixel == "equiangular",
         ),
     )
-    return median_of_known(disparity, config.median_px)
-
-
-def median_of_known(disparity: Float32[np.ndarray, "h w"], size: int) -> Float32[np.ndarray, "h w"]:
-    """Median of the known values in each pixel's window (of two middle ones the lower); unknown pixels stay unknown."""
-    if size == 1:
-        return disparity
-    # OpenCV's filter is fast but knows no NaN; windows that hold one are done again.
-    unknown = np.isnan(disparity)
-    filtered = cv2.medianBlur(np.where(unknown, np.float32(0), disparity), size)
-    near_unknown = cv2.dilate(unknown.astype(np.uint8), np.ones((size, size), np.uint8), borderValue=1)
-    _median_of_known_where(near_unknown, disparity, size // 2, filtered)
-    return filtered
-
-
-@kernel
-def _median_of_known_where(redone, disparity, half, filtered):
-    height, width = disparity.shape
-    ordered = np.empty((2 * half + 1) ** 2, np.float32)
-    for y in range(height):
-        for x in range(width):
-            if not redone[y, x]:
-                continue
-            if np.isnan(disparity[y, x]):
-                filtered[y, x] = np.nan
-                continue
-            count = 0
-            for v in range(max(y - half, 0), min(y + half + 1, height)):
-                for u in range(max(x - half, 0), min(x + half + 1, width)):
-                    if not np.isnan(disparity[v, u]):
-                        _insert(ordered, count, disparity[v, u])
-                        count += 1
-            filtered[y, x] = ordered[(count - 1) // 2]
-
-
-@kernel
-def _insert(ordered, count, value):
-    """Put `value` where it belongs among the first `count` values, which rise."""
-    place = count
-    while place > 0 and ordered[place - 1] > value:
-        ordered[place] = ordered[place - 1]
-        place -= 1
-    ordered[place] = value
+    return filtered(disparity, speckle_px=config.speckle_px, median_px=config.median_px, mean_px=config.mean_px)

@@ -103,6 +103,12 @@ def test_bumps_of_implausible_size_are_reported_with_their_size(scene, found):
         segment_breast(noisy_points(scene), config)
 
 
+def test_breast_seen_by_too_few_pixels_is_refused():
+    far = DomeScene(focal_px=137.0, width_px=128, height_px=90, samples=1)
+    with pytest.raises(PerceptionError, match=r"seen by only 1[0-9]+ px"):
+        segment_breast(far.points)
+
+
 def test_flat_scene_has_no_breast():
     flat = dataclasses.replace(SCENE, dome_height=1e-6)
     with pytest.raises(PerceptionError, match="expected a breast 60 to 250 mm wide"):

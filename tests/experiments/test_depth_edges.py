@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from breastscan.vision.stereo import StereoConfig, disparity_map
-from experiments.bench_depth import filled_from_background
+from experiments.bench_edges import filled_from_background
 from experiments.depth_edges import edge_pair
 
 

@@ -19,6 +19,8 @@ from experiments import scan_twin
 from sim.camera import SimStereoCamera
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
+from sim.servo import ServoConfig
+from sim.wrench_errors import WRENCH_CLASSES
 
 FILES = {
     "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
@@ -79,8 +81,9 @@ def test_the_log_runs_at_500_hz_without_a_gap(trajectory):
 def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
     loop = trajectory.filter(pl.col("phase") == "loop")
     q, target, q_plan = (loop[name].to_numpy() for name in ("q", "target", "q_plan"))
+    late = round(ServoConfig().nominal_lag / 0.002)
     assert np.abs(q - target).max() > 0.0
-    assert np.abs(q - target).max() < 0.01
+    assert np.abs(q[late:] - target[:-late]).max() < 0.001  # the arm trails its targets by the servo's lag
     assert np.abs(target - q_plan).max() > 0.005  # the force controller moved the targets by the indentation
     numeric = np.gradient(q, 0.002, axis=0)
     assert np.abs(numeric - loop["qd"].to_numpy())[2:-2].max() < 0.02
@@ -94,10 +97,12 @@ def test_the_loop_is_closed_and_lies_around_the_breast(trajectory):
     assert np.ptp(tip[:, 2]) < 1e-3
 
 
-def test_true_and_measured_force_agree_within_the_sensors_noise(trajectory):
+def test_true_and_measured_force_agree_within_the_sensors_gain_and_noise(trajectory):
     loop = trajectory.filter(pl.col("phase") == "loop")
     error = -loop["wrench"].to_numpy()[:, 2] - loop["true_force"].to_numpy()
-    assert abs(error.mean()) < 0.03
+    sensor = WRENCH_CLASSES["industrial"]
+    drifted = sensor.drift * (loop["t"][-1] - trajectory["t"][0])
+    assert abs(error.mean()) < 2 * sensor.gain_error * 5.0 + drifted
     assert error.std() < 0.08
 
 

@@ -31,7 +31,7 @@ def random_joint_angles(count: int) -> np.ndarray:
 
 
 def test_without_corrections_it_is_the_nominal_arm():
-    arm = KinematicCalibration.from_dh_corrections(**dict.fromkeys(("theta", "d", "a", "alpha"), np.zeros(6)))
+    arm = KinematicCalibration.nominal()
     q = random_joint_angles(50)
     np.testing.assert_allclose(arm.forward(q), kinematics.forward(q), atol=1e-12)
     np.testing.assert_allclose(arm.jacobian(q), kinematics.jacobian(q), atol=1e-12)

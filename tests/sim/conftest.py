@@ -2,10 +2,10 @@ import pytest
 
 from sim.phantom import PhantomConfig
 from sim.scene import Scene, SceneConfig
-from sim.wrench_sensor import WrenchSensorConfig
+from sim.wrench_errors import WrenchSensorConfig
 
 
 @pytest.fixture(scope="session")
 def quiet_scene() -> Scene:
     """The default scene with a noiseless wrist sensor."""
-    return Scene(SceneConfig(phantom=PhantomConfig(), wrist=WrenchSensorConfig(force_noise=0.0, torque_noise=0.0)))
+    return Scene(SceneConfig(phantom=PhantomConfig(), wrist=WrenchSensorConfig(quality="ideal")))

@@ -74,7 +74,7 @@ def test_depth_on_the_dome_is_within_eight_hundredths_of_a_millimetre():
     """Grey-level noise of 1 at 540 mm, where a whole disparity pixel is 4.3 mm; up to 10 mm from the steep rim."""
     dome = matched_dome()[1] & (from_axis() < 0.065)
     assert depth_rmse_mm(refined_dome().disparity, dome) < 0.08
-    assert depth_rmse_mm(matched_dome()[0], dome & np.isfinite(matched_dome()[0])) > 0.25
+    assert depth_rmse_mm(matched_dome()[0], dome & np.isfinite(matched_dome()[0])) > 0.2
 
 
 def test_rim_stays_covered_and_close_to_the_surface():
@@ -180,7 +180,7 @@ def test_settings_that_cannot_work_are_refused(wrong):
         RefineConfig(**wrong)
 
 
-@pytest.mark.parametrize("wrong", [{"iterations": 0}, {"smoothing": 0.0}, {"huber": -1.0}])
+@pytest.mark.parametrize("wrong", [{"iterations": 0}, {"smoothing": 0.0}, {"doubtful": -1.0}])
 def test_fits_that_cannot_work_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         FitConfig(**wrong)

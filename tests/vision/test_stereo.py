@@ -8,13 +8,14 @@ from scipy.ndimage import gaussian_filter
 
 from breastscan.errors import PerceptionError
 from breastscan.vision.census import census
-from breastscan.vision.stereo import StereoConfig, disparity_map, median_of_known
+from breastscan.vision.stereo import StereoConfig, disparity_map, disparity_range
+from experiments.depth_edges import edge_pair
 from experiments.ray_cast_dome import DomeScene
 
 HALF_WIDTH, HALF_HEIGHT = 4, 3
 COLUMNS_AND_ROWS = [(0, 1), (0, -1), (1, 0), (-1, 0)]
 DIAGONALS = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-SMALL = StereoConfig(min_disparity=3, num_disparities=32, median_px=1)
+SMALL = StereoConfig(min_disparity=3, num_disparities=32, speckle_px=0, median_px=1, mean_px=1)
 
 
 def pair_with_steps(height: int, width: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +109,9 @@ def test_disparities_equal_the_equations_written_out(paths, subpixel, height, wi
 
 
 def test_disparities_equal_the_equations_over_more_than_one_vector_and_stiffest_penalties():
-    config = StereoConfig(min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, median_px=1)
+    config = StereoConfig(
+        min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, speckle_px=0, median_px=1, mean_px=1
+    )
     left, right = pair_with_steps(15, 140, seed=4)
     np.testing.assert_array_equal(disparity_map(left, right, config), reference_disparity(left, right, config))
 
@@ -152,12 +155,34 @@ def test_equiangular_fit_is_not_drawn_to_whole_pixels_as_a_parabola_is():
     fraction = np.floor(10 * (scene.disparity % 1)).astype(int)
     locking_px = {}
     for subpixel in ("equiangular", "parabola"):
-        config = StereoConfig(subpixel=subpixel, median_px=1)
+        config = StereoConfig(subpixel=subpixel, median_px=1, mean_px=1)
         error = disparity_map(pair.left, pair.right, config) - scene.disparity
         sound = scene.on_dome & scene.seen_twice & (np.abs(error) < 1)
         locking_px[subpixel] = np.std([error[sound & (fraction == tenth)].mean() for tenth in range(10)])
     assert locking_px["equiangular"] < 0.01
     assert locking_px["parabola"] > 0.03
+
+
+def test_the_coarse_pass_finds_a_range_that_holds_all_that_is_seen_and_not_much_more():
+    """The room's disparities go from 72 to 140 px, the dome's with its table from 101 to 132 px."""
+    for pair, truth, seen in (
+        ((room := edge_pair()), room.disparity, room.seen_twice),
+        ((scene := DomeScene()).pair(), scene.disparity, scene.seen_twice),
+    ):
+        smallest, count = disparity_range(pair.left, pair.right, StereoConfig())
+        assert smallest < truth[seen].min()
+        assert truth[seen].max() < smallest + count - 1
+        assert count <= np.ptp(truth[seen]) + 2 * 16 + 32
+        np.testing.assert_array_equal(
+            disparity_map(pair.left, pair.right, StereoConfig()),
+            disparity_map(pair.left, pair.right, StereoConfig(min_disparity=smallest, num_disparities=count)),
+        )
+
+
+def test_a_range_that_is_given_is_kept():
+    pair = DomeScene().pair()
+    assert disparity_range(pair.left, pair.right, StereoConfig(min_disparity=90))[0] == 90
+    assert disparity_range(pair.left, pair.right, StereoConfig(num_disparities=256))[1] == 256
 
 
 def test_repeated_runs_agree_bit_for_bit():
@@ -173,12 +198,13 @@ def test_pair_of_two_sizes_is_refused():
 
 def test_image_narrower_than_the_smallest_disparity_is_refused():
     with pytest.raises(PerceptionError, match="min_disparity = 64"):
-        disparity_map(np.zeros((40, 64), np.uint8), np.zeros((40, 64), np.uint8), StereoConfig())
+        disparity_map(*np.zeros((2, 40, 64), np.uint8), StereoConfig(min_disparity=64, num_disparities=32))
 
 
 def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
     flat = np.full((30, 90), 100, np.uint8)
     assert np.isnan(disparity_map(flat, flat, SMALL)).all()
+    assert np.isnan(disparity_map(flat, flat, StereoConfig())).all()
 
 
 @pytest.mark.parametrize(
@@ -191,22 +217,11 @@ def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
         {"P1": 64},
         {"P2": 64},
         {"consistency_px": -1},
-        {"median_px": 1, "paths": 8, "P2": 100},
+        {"speckle_px": -1},
+        {"paths": 4, "P2": 64},
+        {"num_disparities": 2080},
     ],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ValueError, match=str(next(reversed(wrong.values())))):
         StereoConfig(**wrong)
-
-
-def test_median_uses_only_known_neighbours_and_keeps_unknown_pixels():
-    disparity = np.random.default_rng(3).normal(100, 5, (30, 40)).astype(np.float32)
-    disparity[np.random.default_rng(4).random(disparity.shape) < 0.2] = np.nan
-    filtered = median_of_known(disparity, 3)
-    for y, x in np.ndindex(disparity.shape):
-        window = disparity[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
-        known = np.sort(window[np.isfinite(window)])
-        if np.isnan(disparity[y, x]):
-            assert np.isnan(filtered[y, x])
-        elif 0 < y < 29 and 0 < x < 39:
-            assert filtered[y, x] == known[(known.size - 1) // 2]
