@@ -8,9 +8,9 @@ import trimesh
 from jaxtyping import Bool, Float
 
 from breastscan.geometry import se3
+from sim.contact import Mechanics
 from sim.hemisphere import sphere_axes
 from sim.phantom import Phantom
-from sim.tissue import SoftTissue
 
 LOOP_POINTS = 4000
 """Points of the true half-height loop: .1 mm apart."""
@@ -29,7 +29,7 @@ OCCLUSION = 1e-3
 class Truth:
     """Ground truth of one phantom and its tissue; all points in S."""
 
-    def __init__(self, phantom: Phantom, tissue: SoftTissue) -> None:
+    def __init__(self, phantom: Phantom, tissue: Mechanics) -> None:
         self._phantom = phantom
         self._tissue = tissue
         skin = phantom.skin
