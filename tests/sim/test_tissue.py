@@ -1,5 +1,6 @@
 """The tissue against closed forms, against full finite elements, and against the laws of mechanics."""
 
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 
@@ -178,6 +179,25 @@ def test_tissue_resists_indentation_and_never_pulls(phantom, tissue):
     assert np.all(np.diff(force) > 0)
     assert force[0] >= -0.1
     assert force[3] == pytest.approx(1.06 * force[2], rel=0.01)
+
+
+def test_presses_beyond_what_was_validated_are_warned_of_once(phantom, compliance):
+    tissue = SoftTissue(phantom, compliance)
+    tissue.press(loop_pose(phantom, 0.7, 0.0078), REST)
+    with pytest.warns(UserWarning, match=r"indented by 9\.\d mm"):
+        tissue.press(loop_pose(phantom, 0.7, 0.0095), REST)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tissue.press(loop_pose(phantom, 0.7, 0.0095), REST)
+
+
+def test_the_patch_carries_the_force_and_lies_on_the_face(phantom, tissue):
+    X_SP = loop_pose(phantom, 0.7, 0.006)
+    contact, patch = tissue.press(X_SP, REST), tissue.patch()
+    assert patch.pressure @ patch.areas == pytest.approx(np.linalg.norm(contact.force_S), rel=0.03)
+    off_the_face = [distance(ProbeFace().numbers(), *p)[0] for p in (patch.points_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
+    assert np.abs(off_the_face).max() < 5e-4
+    assert len(patch.areas) == contact.vertices
 
 
 def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, compliance):
