@@ -18,6 +18,7 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
+from sim.breathing import BreathingConfig, rise
 from sim.camera_errors import CameraConfig
 from sim.describe import Element, add_material, mjcf
 from sim.deviations import ArmConfig, calibration, true_arm
@@ -45,7 +46,8 @@ class SceneConfig:
 
     phantom: PhantomConfig = field(default_factory=PhantomConfig)
     p_BS: tuple[float, float, float] = (0.50, 0.0, 0.08)
-    """Middle of the breast's base in the robot's base frame [m]."""
+    """Middle of the breast's base in the robot's base frame, at the end of an exhalation [m]."""
+    breathing: BreathingConfig = field(default_factory=BreathingConfig)
     rig: Path | None = None
     """Rig file with `X_BL`; None for the one that comes with the package."""
     mount_angle: float = np.pi / 4
@@ -82,11 +84,18 @@ class Scene:
         """The rig as it was built, and where it stands: the truth that calibration looks for."""
         self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
         self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
+        """The phantom at the end of an exhalation."""
         self.X_FP = tip_pose(self.config.mount_angle)
         self.arm = true_arm(self.config.arm)
         """Where the simulated arm's axes lie."""
         self.calibration = calibration(self.config.arm)
         """And where the robot says that they lie."""
+
+    def X_BS_at(self, time: float) -> Float[np.ndarray, "4 4"]:
+        """The phantom at `time` [s] of the robot's clock."""
+        X_BS = self.X_BS.copy()
+        X_BS[2, 3] += rise(self.config.breathing, time)
+        return X_BS
 
     @cached_property
     def physics(self) -> mujoco.MjModel:
