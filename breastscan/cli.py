@@ -261,16 +261,22 @@ def _plan() -> Callable:
 
 def _study() -> Callable:
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from experiments import study_joints, study_twin, study_weights
+    from experiments import study_joints, study_phantom, study_twin, study_weights
 
-    studies = {"joints": study_joints.run, "twin": study_twin.run, "weights": study_weights.run}
+    studies = {
+        "joints": study_joints.run,
+        "phantom": study_phantom.run,
+        "twin": study_twin.run,
+        "weights": study_weights.run,
+    }
 
     def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed = 0) -> None:
         """Answer one question about the twin, with figures and tables.
 
         Args:
-            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin. twin: how
-                the simulated arm and its wrist sensor behave. weights: what the weights of a NURBS curve do.
+            name: Which study. joints: what the six joints do along the loop, with fixed and with free spin. phantom:
+                how far its mechanics can be trusted, and what they cost. twin: how the simulated arm and its wrist
+                sensor behave. weights: what the weights of a NURBS curve do.
             out: Folder for study.md, study.json and the figures; by default out/study_NAME.
             seed: Seed of everything random.
         """
