@@ -12,7 +12,7 @@ from sim.contact import Mechanics
 from sim.phantom import Phantom
 from sim.tissue import SoftTissue
 
-DEPTHS = np.arange(1, 9) * 1e-3
+DEPTHS = np.array([1, 2, 3.5, 5, 6.5, 8]) * 1e-3
 """Indentations [m]."""
 FINEST = 0.003
 """Longest edge of the full finite elements under the probe [m]."""

@@ -137,7 +137,7 @@ def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w
     scene = Scene(SceneConfig(phantom=PhantomConfig(breast=breast, texture=texture)))
     phantom, (x, y, z) = scene.phantom, scene.config.p_BS
     view = View(
-        target_B=(x, y, z + phantom.height / 2), distance=4.4 * phantom.radius, azimuth_deg=118.0,
+        target_B=(x, y, z + phantom.height / 2), distance=3.6 * phantom.radius, azimuth_deg=118.0,
         elevation_deg=-32.0,
     )  # fmt: skip
     size = (TILE_PX[0] * DRAWN_OVER_TILE, TILE_PX[1] * DRAWN_OVER_TILE)
