@@ -1,7 +1,4 @@
-"""How well do the simulated cameras keep their promises, and what do their errors cost the reconstruction?
-
-`python -m experiments.camera_study --folder DIR` draws the figures and tables of docs/twin.md's section on the cameras.
-"""
+"""How well do the simulated cameras keep their promises, and what do their errors cost the reconstruction?"""
 
 import copy
 from contextlib import closing
@@ -14,7 +11,6 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-import tyro
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 
@@ -47,11 +43,11 @@ CROP_ZOOM = 3
 STILL_PX = (640, 400)
 
 
-def run(folder: Path, *, seed: int) -> dict[str, float]:
+def run(out: Path, *, seed: int) -> dict[str, float]:
     """Measure, and leave `study.md`, `study.json` and the figures `twin_camera_*.png` in `folder`.
 
     Args:
-        folder: Where the results go; earlier ones stay until these are complete.
+        out: Where the results go; earlier ones stay until these are complete.
         seed: Of the phantom and of every noise.
 
     Returns:
@@ -59,7 +55,7 @@ def run(folder: Path, *, seed: int) -> dict[str, float]:
     """
     scene = Scene(seeded(SceneConfig(), seed))
     tissue = SoftTissue.build(scene.phantom)
-    with record.staged(folder) as staging:
+    with record.staged(out) as staging:
         values = _projection(scene, seed) | _draw_errors(staging / "twin_camera_errors.png", scene, seed)
         values |= _reconstructions(staging / "twin_camera_classes.png", scene, tissue)
         values |= {what: own for what, own, *_ in bench_camera.rows()}
@@ -180,18 +176,3 @@ def _draw_stills(path: Path, scene: Scene, tissue: SoftTissue) -> None:
     if filament.unusable() is None:
         stills.append(render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX, fine=True))
     record.write_image(path, cv2.cvtColor(np.hstack(stills), cv2.COLOR_RGB2BGR))
-
-
-def main(folder: Path, seed: int = 0) -> None:
-    """Draw figures and tables.
-
-    Args:
-        folder: Where they go.
-        seed: Of the phantom and of every noise.
-    """
-    for name, value in run(folder, seed=seed).items():
-        print(f"{name:<60} {value:.4g}")
-
-
-if __name__ == "__main__":
-    tyro.cli(main)
