@@ -1,5 +1,7 @@
 """A tetrahedral mesh of the phantom that is fine under the probe and coarse elsewhere, for reference solutions."""
 
+import logging
+
 import numpy as np
 import skfem
 from jaxtyping import Float
@@ -22,6 +24,7 @@ def local_mesh(phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float) 
 
     New points on the skin are put on the smooth surface, so the shape converges with the mesh.
     """
+    logging.getLogger("skfem.mesh.mesh").setLevel(logging.ERROR)  # it tells of every copy that refining makes
     coarse = mesh_phantom(phantom, COARSE_POINTS)
     mesh = skfem.MeshTet(np.ascontiguousarray(coarse.direction.T), np.ascontiguousarray(coarse.tetrahedra.T))
     X_PS = se3.inverse(X_SP)
