@@ -92,13 +92,9 @@ def _over_the_mass(seed: int) -> Indentation:
 
 def _flex_forces(phantom: Phantom, place: float) -> np.ndarray:
     """Come down in small steps, as a scan does, and note the force at `DEPTHS` [N]."""
-    flex, depth, forces = FlexTissue(phantom), -1e-3, []
-    for wanted in DEPTHS:
-        while depth < wanted:
-            depth = min(depth + FLEX_STEP, wanted)
-            force = axial_force(flex, pose(phantom, place, depth))
-        forces.append(force)
-    return np.array(forces)
+    flex, depths = FlexTissue(phantom), np.arange(-1e-3, DEPTHS[-1] + FLEX_STEP, FLEX_STEP)
+    forces = [axial_force(flex, pose(phantom, place, depth)) for depth in depths]
+    return np.interp(DEPTHS, depths, forces)
 
 
 def _layered_slides(seed: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
