@@ -112,20 +112,23 @@ def _summary(study: Study) -> dict[str, object]:
     return {
         "indentation": {
             name: {
-                "depth_mm": (1e3 * DEPTHS[: len(press.full)]).tolist(),
-                "full_n": press.full.tolist(),
-                "soft_n": press.soft.tolist(),
+                **_forces(press, DEPTHS),
                 "surface_rmse_mm": 1e3 * press.surface_rmse,
                 "displacement_rmse_mm": 1e3 * press.displacement_rmse,
             }
-            for name, press in {**study.presses, "over a hard mass": study.layered}.items()
+            for name, press in study.presses.items()
         },
+        "over_a_mass": _forces(study.layered, LAYERED_DEPTHS),
         "flex_n": study.flex.tolist(),
         "mesh_change_pct": {str(points): (100 * change).tolist() for points, change in study.convergence.items()},
         "ripple_n": {f"height {height}, spin {spin:.2f}": s.ripple for (height, spin), s in study.slides.items()},
         "press_ms": 1e3 * float(np.mean([slide.press for slide in study.slides.values()])),
         "build": {name: {"cpu_s": b.cpu, "megabytes": b.megabytes} for name, b in study.builds.items()},
     }
+
+
+def _forces(press: Indentation, depths: np.ndarray) -> dict[str, list[float]]:
+    return {"depth_mm": (1e3 * depths).tolist(), "full_n": press.full.tolist(), "soft_n": press.soft.tolist()}
 
 
 def _page(study: Study, figures: list[str]) -> Iterator[str]:
