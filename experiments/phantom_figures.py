@@ -97,8 +97,8 @@ def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tupl
     theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
     for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
         inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.02))
-    inclusion.legend(frameon=False, fontsize=8, ncols=2)
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.12))
+    inclusion.legend(frameon=False, fontsize=8, loc="upper right")
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)
     for colour, waveform in zip(COLOURS, get_args(Waveform), strict=False):
