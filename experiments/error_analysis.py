@@ -14,7 +14,7 @@ from breastscan.metrics import rms
 from breastscan.planning.pattern import Path
 from breastscan.scan import Reconstruction
 from breastscan.vision.camera import RectifiedPair, StereoRig
-from sim.tissue import SoftTissue
+from sim.contact import Mechanics
 from sim.truth import Truth
 from sim.truth_log import TruthLog
 
@@ -22,8 +22,6 @@ STEADY_AFTER = 1.0
 """Force is judged from this long after the loop starts [s]: until then the contact settles into the motion."""
 REPLAY_STEP = 10
 """Every so many control periods the contact is solved again, to find its place on the skin (every .5 mm)."""
-LINEAR_LIMIT = 0.008
-"""Indentation up to which the tissue's linear elasticity holds [m]."""
 PATH_SAMPLES = 1000
 """Points at which the planned curve is held against the skin."""
 
@@ -106,7 +104,7 @@ def matching_rows(table: pl.DataFrame, log: TruthLog) -> Int[np.ndarray, "n"]:
     return rows
 
 
-def contact_places(table: pl.DataFrame, log: TruthLog, tissue: SoftTissue, truth: Truth) -> ContactPlaces:
+def contact_places(table: pl.DataFrame, log: TruthLog, tissue: Mechanics, truth: Truth) -> ContactPlaces:
     """Press the probe again where it was during the loop, and look up which point of the skin lies under its tip."""
     on_loop = np.flatnonzero((table["phase"] == "loop").to_numpy())[::REPLAY_STEP]
     X_SP = log.X_SP[matching_rows(table, log)[on_loop]]

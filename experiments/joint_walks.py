@@ -117,7 +117,7 @@ def fluctuations(walked: list[Loop]) -> list[dict[str, object]]:
 def loops(seed: int) -> Iterator[Loop]:
     """The true half-height loop of the twin's phantom, and the paper's points with either kind of normals."""
     scene = Scene(SceneConfig(phantom=PhantomConfig(seed=seed)))
-    contour_S = scene.phantom.level_loop(scene.phantom.config.height / 2, DENSE_POINTS)
+    contour_S = scene.phantom.level_loop(scene.phantom.height / 2, DENSE_POINTS)
     points_S = contour_S[np.arange(LOOP_POINTS) * DENSE_POINTS // LOOP_POINTS]
     normals_S = scene.phantom.normal(scene.phantom.unembed(points_S))
     twin = Path(points_B=points_S + scene.X_BS[:3, 3], normals_B=normals_S)

@@ -19,9 +19,10 @@ from experiments.rig_errors import rig_errors
 from sim import filament
 from sim.camera import SimStereoCamera
 from sim.clearance import Clearance
+from sim.contact import Mechanics
+from sim.mechanics import build_mechanics
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.tissue import SoftTissue
 from sim.truth import Truth
 from sim.video import Footage, VideoConfig, render_video
 
@@ -105,16 +106,16 @@ def seeded(config: SceneConfig, seed: int) -> SceneConfig:
     )
 
 
-def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, SoftTissue]:
+def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, Mechanics]:
     """The scene and its tissue; the first time, the finite elements take a while."""
     with stages.stage("tissue") as report_share:
         scene = Scene(config)
-        return scene, SoftTissue.build(scene.phantom, lambda share, _: report_share(share))
+        return scene, build_mechanics(scene.phantom, lambda share, _: report_share(share))
 
 
 def measure(
     scene: Scene,
-    tissue: SoftTissue,
+    tissue: Mechanics,
     config: ScanConfig,
     stages: Stages,
     estimated: StereoRig | None = None,
@@ -147,10 +148,11 @@ def measure(
 
 def _against_truth(result: ScanResult, rig: StereoRig, scene: Scene, truth: Truth) -> dict[str, Any]:
     assert rig.X_BL is not None, "a scan needs the rig's place in the base"
-    X_SL = se3.inverse(scene.X_BS) @ rig.X_BL
+    X_BS = scene.X_BS_at(result.images.time)
+    X_SL = se3.inverse(X_BS) @ rig.X_BL
     surface = error_analysis.surface_metrics(result.reconstruction, rig, X_SL, truth)
     calibration = {} if rig is scene.rig else rig_errors(rig, scene.rig)
-    return surface | calibration | error_analysis.path_metrics(result.plan.path, scene.X_BS, truth)
+    return surface | calibration | error_analysis.path_metrics(result.plan.path, X_BS, truth)
 
 
 def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None:
@@ -176,7 +178,6 @@ def write_report(folder: Path, measured: Measured, stages: Stages) -> None:
 def summarise(out: Path, measured: Measured, console: Console) -> None:
     """The metrics in short, and where the page lies."""
     console.print(report.summary(measured.metrics))
-    _warn_beyond_linear(measured.metrics, console)
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
 
 
@@ -195,16 +196,6 @@ def _fine_or_reason(console: Console) -> bool:
     if reason is not None:
         console.print(f"[yellow]The video is drawn by the classic renderer: {reason}.[/]")
     return reason is None
-
-
-def _warn_beyond_linear(values: dict[str, Any], console: Console) -> None:
-    depth_mm, limit_mm = values["indentation_max_mm"], error_analysis.LINEAR_LIMIT * 1e3
-    if depth_mm > limit_mm:
-        console.print(
-            f"[yellow]The skin was indented by {depth_mm:.1f} mm. The tissue's linear elasticity holds to "
-            f"{limit_mm:.0f} mm, beyond it the forces are unreliable: lower --plan.contact.force, or stiffen the "
-            "phantom with --scene.phantom.young.[/]"
-        )
 
 
 @contextmanager

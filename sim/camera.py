@@ -50,8 +50,8 @@ class SimStereoCamera:
         if self._robot is None:
             self._picture.arrange(HOME_Q)
         else:
-            q, skin_S, _ = self._robot.snapshot()
-            self._picture.arrange(q + moment * self._robot.state().qd, skin_S)
+            q, skin_S, time = self._robot.snapshot()
+            self._picture.arrange(q + moment * self._robot.state().qd, skin_S, time + moment)
         left, right = (self._lenses[side].bend(self._picture.draw(side)) for side in ("left", "right"))
         return left, right
 

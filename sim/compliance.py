@@ -5,21 +5,24 @@ skin and fall to 0 at its neighbours, directed along the vertex's inward normal.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
 import skfem
 from jaxtyping import Float, Float32, Int
-from scipy.sparse.linalg import SuperLU, splu
-from skfem.helpers import dot
-from skfem.models.elasticity import lame_parameters, linear_elasticity
+from skfem.helpers import ddot, dot, sym_grad, trace
+from skfem.models.elasticity import lame_parameters
+from threadpoolctl import threadpool_limits
 
+from sim import half_space
+from sim.half_space import Loads
+from sim.layers import SKIN_THICKNESS, modulus_ratio
 from sim.mesh import TetMesh, mesh_phantom
 from sim.phantom import Phantom
+from sim.sparse_cholesky import SparseCholesky
 
-LOADS_AT_ONCE = 64
-"""Right-hand sides a solve: the factors are read once for all of them."""
+Tell = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,24 +39,29 @@ class SkinCompliance:
     """Area over which each vertex's unit load acts [m^2]."""
     response_S: Float32[np.ndarray, "n n 3"]
     """[j, i]: displacement in S of vertex i for an inward normal force of 1 N spread around vertex j [m]."""
+    remainder: Float[np.ndarray, "n n"]
+    """Inward displacement of vertex i for a unit inward force at vertex j, beyond a half-space's [m/N]; symmetric, and
+    smooth on the diagonal too."""
 
-    def normal_flexibility(self) -> Float[np.ndarray, "n n"]:
-        """Inward displacement of vertex i for a unit inward force at vertex j [m/N], made exactly symmetric.
+    def scaled(self, factor: float) -> "SkinCompliance":
+        """That of a body of the same shape, `factor` times as large: it gives less by as much, for the same force."""
+        return replace(
+            self,
+            vertices_S=self.vertices_S * factor,
+            areas=self.areas * factor**2,
+            response_S=self.response_S / np.float32(factor),
+            remainder=self.remainder / factor,
+        )
 
-        The finite elements answer with a point's displacement to a spread load, so that they keep Maxwell's
-        reciprocity only to the order of the mesh; the contact needs it exactly to conserve energy.
-        """
-        flexibility = -np.einsum("jic,ic->ij", self.response_S, self.normals_S).astype(float)
-        return (flexibility + flexibility.T) / 2
 
+def compute_compliance(phantom: Phantom, skin_points: int, progress: Tell | None = None) -> SkinCompliance:
+    """Solve the finite elements once for every vertex of the skin; twice where the tissue has layers.
 
-def compute_compliance(
-    phantom: Phantom, skin_points: int, progress: Callable[[float, str], None] | None = None
-) -> SkinCompliance:
-    """Solve the finite elements once for every vertex of the skin.
+    The layers' own part of the flexibility, the difference from homogeneous tissue on the same mesh, is smooth: the
+    elements' errors near a load, where both have the same fat, cancel.
 
     Args:
-        phantom: The shape, and Poisson's ratio.
+        phantom: The shape, Poisson's ratio and the layers.
         skin_points: About how many vertices to put on the skin.
         progress: Told the share done (0 to 1) and what is being done.
     """
@@ -61,62 +69,114 @@ def compute_compliance(
     tell(0.0, "meshing the tissue")
     mesh = mesh_phantom(phantom, skin_points)
     skin = np.nonzero(mesh.skin & (mesh.direction[:, 2] > 0))[0]
-    normals_S = phantom.normal(mesh.direction[skin])
-
-    tell(0.02, "assembling the tissue's stiffness")
-    basis = skfem.Basis(_skfem_mesh(mesh), skfem.ElementVector(skfem.ElementTetP2()), intorder=2)
-    stiffness = linear_elasticity(*lame_parameters(1.0, phantom.config.poisson)).assemble(basis).tocsc()
-    free = np.nonzero(basis.doflocs[2] > 1e-9)[0]
-    loads, areas = _loads(basis, mesh, skin, normals_S)
-
-    tell(0.1, "factorising the tissue's stiffness")
-    factors = splu(
-        stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    vertices_S, normals_S = mesh.nodes_S[skin], phantom.normal(mesh.direction[skin])
+    basis = skfem.Basis(
+        skfem.MeshTet(np.ascontiguousarray(mesh.nodes_S.T), np.ascontiguousarray(mesh.tetrahedra.T)),
+        skfem.ElementVector(skfem.ElementTetP2()),
+        intorder=2,
     )
-    rows = np.searchsorted(free, np.asarray(basis.nodal_dofs)[:, skin].T)
-    response_S = _solve(factors, scipy.sparse.csc_array(loads[free] @ scipy.sparse.diags_array(1 / areas)), rows, tell)
+    facets = _skin_facets(basis, mesh)
+    forces, loads = _loads(basis, facets, skin, normals_S)
+    poisson, layered = phantom.config.poisson, phantom.config.layers.present
+    tell(0.1, "solving the tissue's elasticity")
+    with threadpool_limits(1):  # the fronts are small, and threads that wait for each other cost more than they bring
+        response_S = _respond(basis, _stiffness(basis, phantom, layered=False), forces, skin)
+        plain = _inward(response_S, normals_S)
+        remainder = half_space.smooth_remainder(plain, vertices_S, normals_S, loads, poisson)
+        if layered:
+            tell(0.5, "solving the elasticity of the layers")
+            stiffness = _stiffness(basis, phantom, layered=True) + _membrane(basis, facets, phantom)
+            response_S = _respond(basis, stiffness, forces, skin)
+            by_layers = _inward(response_S, normals_S) - plain
+            remainder += (by_layers + by_layers.T) / 2
+    tell(1.0, "solving the tissue's elasticity")
     return SkinCompliance(
-        vertices_S=mesh.nodes_S[skin],
+        vertices_S=vertices_S,
         normals_S=normals_S,
         direction=mesh.direction[skin],
-        areas=areas,
-        response_S=response_S,
+        areas=loads.areas,
+        response_S=response_S.astype(np.float32),
+        remainder=remainder,
     )
 
 
-def _skfem_mesh(mesh: TetMesh) -> skfem.MeshTet:
-    return skfem.MeshTet(np.ascontiguousarray(mesh.nodes_S.T), np.ascontiguousarray(mesh.tetrahedra.T))
+def _skin_facets(basis: skfem.Basis, mesh: TetMesh) -> Int[np.ndarray, "k"]:
+    facets = basis.mesh.boundary_facets()
+    return facets[mesh.skin[np.asarray(basis.mesh.facets)[:, facets]].all(axis=0)]
+
+
+def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.sparse.csr_array:
+    """Stiffness of the solid for a Young's modulus of 1 Pa."""
+    points_S = np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1)
+    ratio = np.ones(points_S.shape[:-1])
+    if layered:
+        ratio = modulus_ratio(phantom.config.layers, phantom.unembed(points_S), points_S, phantom.radius)
+    first, second = lame_parameters(1.0, phantom.config.poisson)
+
+    def energy(u, v, w):
+        strain = sym_grad(u)
+        return w.ratio * (2 * second * ddot(strain, sym_grad(v)) + first * trace(strain) * trace(sym_grad(v)))
+
+    return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(basis, ratio=ratio))
+
+
+def _membrane(basis: skfem.Basis, facets: Int[np.ndarray, "k"], phantom: Phantom) -> scipy.sparse.csr_array:
+    """Stiffness of the skin in its own plane, in plane stress: the strain's part in the facets [N/m]."""
+    poisson = phantom.config.poisson
+    stretching = phantom.config.layers.skin_ratio * SKIN_THICKNESS / (1 - poisson**2)
+
+    def energy(u, v, w):
+        in_plane = np.eye(3)[:, :, None, None] - w.n[:, None] * w.n[None]
+        a, b = (np.einsum("ijeq,jkeq,kleq->ileq", in_plane, sym_grad(field), in_plane) for field in (u, v))
+        return stretching * ((1 - poisson) * ddot(a, b) + poisson * trace(a) * trace(b))
+
+    surface = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=2)
+    return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(surface))
 
 
 def _loads(
-    basis: skfem.Basis, mesh: TetMesh, skin: Int[np.ndarray, "n"], normals_S: Float[np.ndarray, "n 3"]
-) -> tuple[scipy.sparse.csc_array, Float[np.ndarray, "n"]]:
-    """Consistent nodal forces of each vertex's unit load [N/Pa], one column each, and the loads' areas [m^2]."""
-    facets = basis.mesh.boundary_facets()
-    facets = facets[mesh.skin[np.asarray(basis.mesh.facets)[:, facets]].all(axis=0)]
+    basis: skfem.Basis,
+    facets: Int[np.ndarray, "k"],
+    skin: Int[np.ndarray, "n"],
+    normals_S: Float[np.ndarray, "n 3"],
+) -> tuple[Float[np.ndarray, "d n"], Loads]:
+    """The vertices' loads, and the consistent nodal forces of each of them, one column each [N]."""
     vector = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=3)
-    hat = skfem.FacetBasis(basis.mesh, skfem.ElementVector(skfem.ElementTetP1()), facets=facets, intorder=3)
-    traction = skfem.BilinearForm(lambda u, v, _: dot(u, v)).assemble(hat, vector).tocsc()
-    hat_dofs = np.asarray(hat.nodal_dofs)[:, skin]
+    hats = skfem.FacetBasis(basis.mesh, skfem.ElementVector(skfem.ElementTetP1()), facets=facets, intorder=3)
+    traction = skfem.BilinearForm(lambda u, v, _: dot(u, v)).assemble(hats, vector).tocsc()
+    hat_dofs = np.asarray(hats.nodal_dofs)[:, skin]
     inward = scipy.sparse.csc_array(
         (-normals_S.ravel(), (hat_dofs.T.ravel(), np.repeat(np.arange(len(skin)), 3))),
-        shape=(hat.N, len(skin)),
+        shape=(hats.N, len(skin)),
     )
-    areas = skfem.LinearForm(lambda v, _: v[0]).assemble(hat)[hat_dofs[0]]
-    return scipy.sparse.csc_array(traction @ inward), areas
+    areas = skfem.LinearForm(lambda v, _: v[0]).assemble(hats)[hat_dofs[0]]
+    first = skfem.LinearForm(lambda v, w: dot(v, w.x)).assemble(hats)[hat_dofs].T
+    second = skfem.LinearForm(lambda v, w: v[0] * dot(w.x, w.x)).assemble(hats)[hat_dofs[0]]
+    centres_S = first / areas[:, None]
+    loads = Loads(areas=areas, centres_S=centres_S, moments=second / areas - np.sum(centres_S**2, axis=1))
+    return scipy.sparse.csc_array(traction @ inward).toarray() / areas, loads
 
 
-def _solve(
-    factors: SuperLU,
-    loads: scipy.sparse.csc_array,
-    rows: Int[np.ndarray, "n 3"],
-    tell: Callable[[float, str], None],
-) -> Float32[np.ndarray, "n n 3"]:
-    """Displacements of the degrees of freedom `rows` for every load."""
-    count = len(rows)
-    response = np.empty((count, *rows.shape), np.float32)
-    for start in range(0, count, LOADS_AT_ONCE):
-        some = slice(start, min(start + LOADS_AT_ONCE, count))
-        response[some] = factors.solve(np.asfortranarray(loads[:, some].toarray()))[rows].transpose(2, 0, 1)
-        tell(0.3 + 0.7 * some.stop / count, "solving the tissue's compliance")
-    return response
+def _respond(
+    basis: skfem.Basis,
+    stiffness: scipy.sparse.csr_array,
+    forces: Float[np.ndarray, "d n"],
+    skin: Int[np.ndarray, "n"],
+) -> Float[np.ndarray, "n n 3"]:
+    """Displacement of every vertex of the skin for every load [m]: [load, vertex, axis]."""
+    by_node = np.concatenate([np.asarray(basis.nodal_dofs), np.asarray(basis.edge_dofs)], axis=1).T
+    points_S = basis.doflocs[:, by_node[:, 0]].T
+    free = points_S[:, 2] > 1e-9
+    unknowns = by_node[free].ravel()
+    moved = SparseCholesky(stiffness[unknowns][:, unknowns], points_S[free]).solve(forces[unknowns])
+    displacement = moved.reshape(-1, 3, forces.shape[1])[(np.cumsum(free) - 1)[skin]]
+    return displacement.transpose(2, 0, 1)
+
+
+def _inward(response_S: Float[np.ndarray, "n n 3"], normals_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n n"]:
+    """Inward displacement of vertex i for 1 N of load j [m/N].
+
+    A point answers to a spread load, so Maxwell's reciprocity is kept to the order of the mesh only; the contact needs
+    it exactly to conserve energy, so what is made of this is made symmetric.
+    """
+    return -np.einsum("jic,ic->ij", response_S, normals_S)

@@ -8,7 +8,7 @@ import numpy as np
 from sim.complementarity import MARGIN, solve_contact
 from sim.probe_face import distance
 
-REACH = 0.016
+REACH = 0.030
 """Deepest penetration that is looked for, far beyond where linear elasticity holds [m]."""
 BESIDE = 0.004
 """How far beside the face a vertex may lie and yet come to touch it [m]."""
@@ -17,28 +17,34 @@ GAP_TOLERANCE = 1e-9
 GRAZING, STEEPEST = 0.5, 0.2
 """Cosines between the skin's inward normal and the face's normal: from the first on, a rounded edge gives way ever more
 in the model, and at the second a vertex cannot touch. So a vertex that slides off an edge is let go softly [-]."""
+GRAZING_LIFT = 0.016
+"""How far a vertex gives way to the grazing face by then [m]."""
+FAR = 1.0
+"""Stands for all gaps beyond `MARGIN` that no sliding off an edge explains [m]."""
 NEWTON_STEPS = 12
 
 
 @numba.njit(cache=True)
 @no_type_check
-def press_skin(face, X_SP, vertices_S, normals_S, flexibility, neighbours, weights, element_response_S, guess):
-    """The vertices that touch: their indices, places on the face [m], inward displacements [m] and loads [N].
+def press_skin(face, X_SP, vertices_S, normals_S, flexibility, neighbours, weights, element_response_S, load):
+    """The elastic force on the probe [N], its torque about P [N m], the contact's middle [m], depth [m] and vertices.
 
+    `load` holds the vertices' loads [N] of the last press, the first guess, and is overwritten with those of this one.
     Solved twice, because a load also moves the skin sideways, and then it meets another part of the face. The sideways
     motion changes so little in the second round that a third would move the force by less than .2 %.
     """
     index = find_near(face, X_SP, vertices_S)
+    gap = find_gaps(face, X_SP, vertices_S[index], normals_S[index])
+    index, gap = index[gap != FAR], gap[gap != FAR]
     points_S, normals_S = vertices_S[index], normals_S[index]
-    gap = find_gaps(face, X_SP, points_S, normals_S)
-    load = solve_contact(flexibility, index, gap, guess[index] > 0)
-    points_S += _sideways(normals_S, index, load, neighbours, weights, element_response_S)
-    gap = find_gaps(face, X_SP, points_S, normals_S)
-    load = solve_contact(flexibility, index, gap, load > 0)
-    touching = np.nonzero(load > 0)[0]
-    for k in touching:
-        points_S[k] += gap[k] * normals_S[k]
-    return index[touching], points_S[touching], -gap[touching], load[touching]
+    force = solve_contact(flexibility, index, gap, load[index] > 0)
+    load[:] = 0.0
+    if force.any():
+        points_S += _sideways(normals_S, index, force, neighbours, weights, element_response_S)
+        gap = find_gaps(face, X_SP, points_S, normals_S)
+        force = solve_contact(flexibility, index, gap, force > 0)
+        load[index] = force
+    return _resultant(points_S, normals_S, gap, force, X_SP[:, 3])
 
 
 @numba.njit(cache=True)
@@ -65,7 +71,8 @@ def find_near(face, X_SP, vertices_S):
 def find_gaps(face, X_SP, points_S, normals_S):
     """Distance of each point along its normal to the face [m]: negative by how far the skin must give way.
 
-    It is inf where the normal misses the face.
+    It is inf where the normal misses the face, which it may meet once the skin has moved sideways, and FAR where the
+    face is out of reach.
     """
     gap = np.empty(len(points_S))
     for k in range(len(points_S)):
@@ -92,12 +99,11 @@ def _components_P(X_SP, x, y, z):
 def _distance_inwards(face, x, y, z, ix, iy, iz):
     """How far the point must move along the inward direction to lie on the face [m].
 
-    Newton's method from outside the probe: along a line the distance to a convex solid is convex, so the steps come
-    down on the face and never pass it. A line that misses the face returns -inf.
+    Newton's method: along a line the distance to a convex solid is convex, so the first step leads out of the probe and
+    the others come down on the face and never pass it. A line that misses the face returns -inf.
     """
     d, gx, gy, gz = distance(face, x, y, z)
-    in_front = d > 0 and gx * ix + gy * iy + gz * iz > STEEPEST
-    inward = 0.0 if in_front else REACH
+    inward = 0.0 if gx * ix + gy * iy + gz * iz > STEEPEST else REACH
     for _ in range(NEWTON_STEPS):
         d, gx, gy, gz = distance(face, x + inward * ix, y + inward * iy, z + inward * iz)
         slope = gx * ix + gy * iy + gz * iz
@@ -105,10 +111,10 @@ def _distance_inwards(face, x, y, z, ix, iy, iz):
             break
         inward -= d / slope
         if inward < -MARGIN:
-            break
+            return -FAR
         if abs(d) < GAP_TOLERANCE:
             grazing = max(GRAZING - slope, 0.0) / (GRAZING - STEEPEST)
-            return inward - REACH * grazing**2
+            return inward - GRAZING_LIFT * grazing**2
     return -np.inf
 
 
@@ -160,16 +166,33 @@ def _add_up(total, response, on_elements, loaded):
 
 @numba.njit(cache=True)
 @no_type_check
-def resultant(points_S, normals_S, force, p_S):
-    """Elastic force on the probe [N], its torque about `p_S` [N m], and the middle of the contact [m].
+def _resultant(points_S, normals_S, gap, force, p_S):
+    """Force, torque about `p_S`, middle, depth and number of the contact.
 
-    The reaction to the loads on the tissue: they act along the skin's normals.
+    The reaction to the loads on the tissue: they act along the skin's normals, where the skin meets the face.
     """
-    total, torque, centre, pressed = np.zeros(3), np.zeros(3), np.zeros(3), 0.0
+    total, torque, centre = np.zeros(3), np.zeros(3), np.zeros(3)
+    pressed, depth, count = 0.0, 0.0, 0
     for k in range(len(force)):
-        pushed = force[k] * normals_S[k]
-        total += pushed
-        torque += np.cross(points_S[k] - p_S, pushed)
-        centre += force[k] * points_S[k]
+        if force[k] <= 0:
+            continue
+        fx, fy, fz = force[k] * normals_S[k, 0], force[k] * normals_S[k, 1], force[k] * normals_S[k, 2]
+        px = points_S[k, 0] + gap[k] * normals_S[k, 0]
+        py = points_S[k, 1] + gap[k] * normals_S[k, 1]
+        pz = points_S[k, 2] + gap[k] * normals_S[k, 2]
+        x, y, z = px - p_S[0], py - p_S[1], pz - p_S[2]
+        total[0] += fx
+        total[1] += fy
+        total[2] += fz
+        torque[0] += y * fz - z * fy
+        torque[1] += z * fx - x * fz
+        torque[2] += x * fy - y * fx
+        centre[0] += force[k] * px
+        centre[1] += force[k] * py
+        centre[2] += force[k] * pz
         pressed += force[k]
-    return total, torque, centre / pressed
+        depth = max(depth, -gap[k])
+        count += 1
+    for i in range(3):
+        centre[i] = centre[i] / pressed if count > 0 else p_S[i]
+    return total, torque, centre, depth, count

@@ -64,6 +64,15 @@ def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[s
     }
 
 
+def pixel_rays(camera: Intrinsics) -> Float[np.ndarray, "n 3"]:
+    """Directions (x, y, 1) in the camera's frame of what its pixels look at, row by row; NaN where no ray arrives."""
+    pixels = np.stack(np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height)), axis=-1)
+    pixels = pixels.reshape(-1, 2)
+    rays = np.column_stack([_undistorted(camera, pixels, np.eye(3)), np.ones(len(pixels))])
+    rays[_off_axis(camera, pixels) > _field_stop(camera)] = np.nan
+    return rays
+
+
 class Lens:
     """Turns a drawn canvas into the light on the camera's sensor."""
 
@@ -140,9 +149,13 @@ def _canvas_positions(camera: Intrinsics, pinhole: Intrinsics) -> Float32[np.nda
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     positions = _undistorted(camera, pixels, pinhole.K)
-    off_axis = np.linalg.norm((pixels - camera.K[:2, 2]) / camera.K[[0, 1], [0, 1]], axis=1)
-    positions[off_axis > _field_stop(camera)] = OUTSIDE_PX
+    positions[_off_axis(camera, pixels) > _field_stop(camera)] = OUTSIDE_PX
     return positions.reshape(camera.height, camera.width, 2).astype(np.float32)
+
+
+def _off_axis(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+    """Distorted radius [focal lengths] of `pixels`."""
+    return np.linalg.norm((pixels - camera.K[:2, 2]) / camera.K[[0, 1], [0, 1]], axis=1)
 
 
 def _field_stop(camera: Intrinsics) -> float:

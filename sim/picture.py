@@ -47,7 +47,7 @@ class Picture:
         Raises:
             ConfigError: No OpenGL is usable.
         """
-        self._X_BS = scene.X_BS
+        self._scene = scene
         self._model = scene.pictures
         self._data = mujoco.MjData(self._model)
         self._joints = [self._model.joint(name).qposadr[0] for name in joint_names()]
@@ -59,12 +59,16 @@ class Picture:
             FilamentCanvas(self._model, width, height) if fine else ClassicCanvas(self._model, width, height, shadows)
         )
 
-    def arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None) -> None:
-        """Put the arm at `q` [rad] and the skin's vertices at `skin_S` [m], or leave the skin undeformed."""
+    def arrange(
+        self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None, time: float = 0.0
+    ) -> None:
+        """Show the instant `time` [s]: the arm at `q` [rad], the skin's vertices at `skin_S` [m] or undeformed."""
+        X_BS = self._scene.X_BS_at(time)
         self._data.qpos[self._joints] = q
+        self._data.mocap_pos[0] = X_BS[:3, 3]
         mujoco.mj_forward(self._model, self._data)
         if skin_S is not None:
-            self._data.flexvert_xpos[:] = se3.transform(self._X_BS, skin_S)
+            self._data.flexvert_xpos[:] = se3.transform(X_BS, skin_S)
 
     def draw(self, camera: str | mujoco.MjvCamera) -> UInt8[np.ndarray, "h w 3"]:
         """RGB picture from a camera of the scene or a free one; valid until the next call."""

@@ -125,7 +125,7 @@ def _prism(half_x: float, half_y: float, start: float, end: float) -> trimesh.Tr
 
 def _add_probe(tool: Element, X_FP: Float[np.ndarray, "4 4"], face: ProbeFace) -> None:
     add_visual(tool, "probe_handle", moved(_handle(), X_FP), "probe_shell")
-    add_visual(tool, "probe_lens", moved(_lens(face), X_FP), "lens")
+    add_visual(tool, "probe_lens", moved(lens(face), X_FP), "lens")
     add_visual(tool, "probe_ring", moved(_prism(0.0178, 0.0152, CLAMP + 0.010, CLAMP + 0.014), X_FP), "accent")
     add_visual(tool, "probe_cable", moved(_cable(), X_FP), "cable")
     X_FH = X_FP @ se3.pose(np.eye(3), np.array([0, 0, -0.065]))
@@ -141,7 +141,7 @@ def _handle() -> trimesh.Trimesh:
     return loft(np.array([np.column_stack([o, np.full(len(o), z)]) for o, z in zip(outlines, fine, strict=True)]))
 
 
-def _lens(face: ProbeFace) -> trimesh.Trimesh:
+def lens(face: ProbeFace) -> trimesh.Trimesh:
     """The dark nose: the exact contact face, closed behind."""
     inner_radius = face.radius - face.edge_radius
     half_angle = (face.arc / 2 - face.edge_radius) / face.radius

@@ -59,7 +59,7 @@ def distance(face, x, y, z):
     beyond = abs(y) - half_width
     gy = 1.0 if y >= 0 else -1.0
     if across > 0 and beyond > 0:
-        length = math.hypot(across, beyond)
+        length = math.sqrt(across * across + beyond * beyond)
         a, b = across / length, beyond / length
         return length - edge_radius, a * gx * side, b * gy, a * gz
     if across > beyond:
@@ -71,7 +71,7 @@ def distance(face, x, y, z):
 @no_type_check
 def _sector_distance(radius, sine, cosine, x, z):
     """Signed distance, and its gradient, to a sector around +z with its tip in the origin, for x >= 0."""
-    from_centre = math.hypot(x, z)
+    from_centre = math.sqrt(x * x + z * z)
     aside = x * cosine - z * sine
     if aside <= 0:
         arc = from_centre - radius
@@ -80,5 +80,5 @@ def _sector_distance(radius, sine, cosine, x, z):
         return aside, cosine, -sine
     along = min(max(x * sine + z * cosine, 0.0), radius)
     dx, dz = x - along * sine, z - along * cosine
-    length = math.hypot(dx, dz)
+    length = math.sqrt(dx * dx + dz * dz)
     return length, dx / length, dz / length

@@ -15,12 +15,13 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 from breastscan.robot.payload import Payload
 from sim import divergence
+from sim.breathing import rise, rising_speed
+from sim.contact import Contact, Mechanics
 from sim.drives import Drives
 from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
 from sim.servo import PERIOD, ServoJ
-from sim.tissue import Contact, SoftTissue
 from sim.truth_log import TruthLog, TruthRecorder
 from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
 from sim.wrench_sensor import GRAVITY_W, WrenchSensor
@@ -47,7 +48,7 @@ class SimRobot:
     belong to the same instant.
     """
 
-    def __init__(self, scene: Scene, tissue: SoftTissue | None = None, q: Float[np.ndarray, "6"] = HOME_Q) -> None:
+    def __init__(self, scene: Scene, tissue: Mechanics | None = None, q: Float[np.ndarray, "6"] = HOME_Q) -> None:
         """Switch the arm on.
 
         Args:
@@ -58,7 +59,9 @@ class SimRobot:
         self._model = scene.physics
         self._data = mujoco.MjData(self._model)
         self._tissue = tissue
+        self._X_BS = scene.X_BS
         self._X_SB = se3.inverse(scene.X_BS)
+        self._breathing = scene.config.breathing
         self._X_FP = scene.X_FP
         self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
@@ -255,11 +258,16 @@ class SimRobot:
         R_SB = self._X_SB[:3, :3]
         X_SP = self._X_SB.copy()
         X_SP[:3, :3] = R_SB @ self._R_BP
+        lift = rise(self._breathing, time)
         X_SP[:3, 3] += R_SB @ self._p_BP
+        X_SP[2, 3] -= lift
+        self._data.mocap_pos[0, 2] = self._X_BS[2, 3] + lift
         if self._tissue is None:
             self._truth.add(time, q, NOTHING, 0.0, X_SP)
             return X_SP
-        contact = self._contact = self._tissue.press(X_SP, R_SB @ self._tip_velocity())
+        velocity_S = R_SB @ self._tip_velocity()
+        velocity_S[2] -= rising_speed(self._breathing, time)
+        contact = self._contact = self._tissue.press(X_SP, velocity_S)
         force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B

@@ -68,9 +68,9 @@ def add_chest(root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarr
         image: Looks of the plate; None where only its shape counts.
 
     Returns:
-        The plate's body, whose frame is S.
+        The plate's body, whose frame is S. It is the first of the mocap bodies: breathing moves it.
     """
-    chest = root.worldbody.add("body", name="phantom", pos=p_BS)
+    chest = root.worldbody.add("body", name="phantom", mocap=True, pos=p_BS)
     height = p_BS[2]
     half = np.array([*PLATE_HALF, height / 2])
     add_collision(chest, CHEST_HULL, of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2))

@@ -11,6 +11,7 @@ from functools import cached_property
 from importlib import resources
 from pathlib import Path
 
+import cv2
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +19,7 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
+from sim.breathing import BreathingConfig, rise
 from sim.camera_errors import CameraConfig
 from sim.describe import Element, add_material, mjcf
 from sim.deviations import ArmConfig, calibration, true_arm
@@ -36,6 +38,8 @@ from sim.wrench_sensor import GRAVITY_W
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
 """Joint angles [rad] with the arm parked over its base, out of both cameras' view of the phantom."""
+LOOKED_AT = 60
+"""Points of the half-height loop that must lie in both pictures."""
 LARGEST_MOUNT_ANGLE = np.deg2rad(90.0)
 
 
@@ -45,7 +49,8 @@ class SceneConfig:
 
     phantom: PhantomConfig = field(default_factory=PhantomConfig)
     p_BS: tuple[float, float, float] = (0.50, 0.0, 0.08)
-    """Middle of the breast's base in the robot's base frame [m]."""
+    """Middle of the breast's base in the robot's base frame, at the end of an exhalation [m]."""
+    breathing: BreathingConfig = field(default_factory=BreathingConfig)
     rig: Path | None = None
     """Rig file with `X_BL`; None for the one that comes with the package."""
     mount_angle: float = np.pi / 4
@@ -76,17 +81,46 @@ class Scene:
     """The described scene and its two compiled models; each is compiled when first asked for."""
 
     def __init__(self, config: SceneConfig | None = None) -> None:
+        """Place everything; nothing is built yet.
+
+        Raises:
+            ConfigError: The phantom's shape is impossible, or the cameras do not see it.
+            CalibrationError: The rig's file cannot be used.
+        """
         self.config = config or SceneConfig()
         self.phantom = Phantom(self.config.phantom)
         self.rig, self.X_BL = _load_rig(self.config.rig)
         """The rig as it was built, and where it stands: the truth that calibration looks for."""
         self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
         self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
+        """The phantom at the end of an exhalation."""
+        self._require_visible()
         self.X_FP = tip_pose(self.config.mount_angle)
         self.arm = true_arm(self.config.arm)
         """Where the simulated arm's axes lie."""
         self.calibration = calibration(self.config.arm)
         """And where the robot says that they lie."""
+
+    def X_BS_at(self, time: float) -> Float[np.ndarray, "4 4"]:
+        """The phantom at `time` [s] of the robot's clock."""
+        X_BS = self.X_BS.copy()
+        X_BS[2, 3] += rise(self.config.breathing, time)
+        return X_BS
+
+    def _require_visible(self) -> None:
+        """Refuse a phantom whose half-height loop, which a scan follows, lies outside of a picture."""
+        loop_B = se3.transform(self.X_BS, self.phantom.level_loop(self.phantom.height / 2, LOOKED_AT))
+        for name, camera, X_BC in (("left", self.rig.left, self.X_BL), ("right", self.rig.right, self.X_BR)):
+            loop_C = se3.transform(se3.inverse(X_BC), loop_B)
+            image = cv2.projectPoints(loop_C, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0][:, 0]
+            inside = (loop_C[:, 2] > 0) & (image > 0).all(axis=1) & (image < (camera.width, camera.height)).all(axis=1)
+            if not inside.all():
+                raise ConfigError(
+                    f"the {name} camera sees {100 * inside.mean():.0f} % of the breast's half-height loop, and a scan "
+                    f"needs all of it: move the phantom (p_BS = {self.config.p_BS}), make it smaller, or give a rig "
+                    "that looks at it",
+                    self.config.p_BS,
+                )
 
     @cached_property
     def physics(self) -> mujoco.MjModel:

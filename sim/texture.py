@@ -1,6 +1,7 @@
-"""Procedural skin: band-limited, so that a camera never aliases it, and rich enough for stereo matching everywhere.
+"""Procedural looks of the phantom: band-limited, so that a camera never aliases them.
 
-Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled.
+Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled. Skin and speckle are
+rich enough for stereo matching everywhere; smooth skin and plastic are not, as they are not in life.
 """
 
 import numpy as np
@@ -9,6 +10,9 @@ from jaxtyping import Float, UInt8
 SKIN_TONE = np.array([220.0, 181.0, 163.0])
 AREOLA_TONE = np.array([170.0, 108.0, 98.0])
 FRECKLE_TINT = np.array([-58.0, -66.0, -66.0])
+PLASTIC_TONE = np.array([206.0, 209.0, 212.0])
+PRINTED_RING = 3e-3
+"""Spacing of the rings that a printer leaves, as coarse as a camera still sees [m]."""
 VEIN_TINT = np.array([-12.0, -4.0, 1.0])
 GRAIN_TINT = np.array([1.1, 1.0, 0.95])
 BLUSH_TINT = np.array([0.4, -0.7, -0.5])
@@ -45,6 +49,25 @@ def speckle(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarr
     dots = _spots(band_noise(rng, size, 4e-3 / pixel), 0.2)
     grey = 225 - 180 * dots + 6 * band_noise(rng, size, 2.2e-3 / pixel)
     return np.repeat(np.clip(np.rint(grey), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def smooth(
+    rng: np.random.Generator, size: int, pixel: float, areola_radius: float = 0.0
+) -> UInt8[np.ndarray, "size size 3"]:
+    """Skin without pores, freckles and veins: a faint blotchy blush and hardly any grain; arguments as for `skin`."""
+    areola = _disc(size, areola_radius / pixel, np.zeros((size, size))) if areola_radius else np.zeros((size, size))
+    image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
+    image += 2 * band_noise(rng, size, 30e-3 / pixel)[..., None] * BLUSH_TINT
+    image += 1.5 * band_noise(rng, size, 4e-3 / pixel)[..., None] * GRAIN_TINT
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def plastic(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarray, "size size 3"]:
+    """A plain light filament, slightly mottled, with the printer's rings around the middle; `pixel` in m."""
+    axis = (np.arange(size) + 0.5 - size / 2) * pixel
+    rings = np.cos(2 * np.pi * np.hypot(axis[:, None], axis[None, :]) / PRINTED_RING)
+    grey = 2.0 * rings + 1.5 * band_noise(rng, size, 6e-3 / pixel)
+    return np.clip(np.rint(PLASTIC_TONE + grey[..., None]), 0, 255).astype(np.uint8)
 
 
 def band_noise(rng: np.random.Generator, size: int, wavelength_px: float) -> Float[np.ndarray, "size size"]:

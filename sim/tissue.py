@@ -1,13 +1,12 @@
 """The soft phantom under the probe: contact force, and the skin as it lies deformed.
 
 Quasi-static and linear elastic: the skin's flexibility, computed once, answers every press by a small frictionless
-contact problem between the probe's exact face and points of the skin. Linear theory is good to about 8 mm of
-indentation; `Contact.depth` lets the caller see when it is left. Gel friction and the tissue's damping are laid
-over the elastic force.
+contact problem between the probe's exact face and points of the skin. Gel friction and the tissue's damping are laid
+over the elastic force. Linear theory was held against large deformations to `LINEAR_LIMIT`; beyond, a warning says so.
 """
 
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,36 +15,19 @@ from jaxtyping import Float
 
 from sim.compliance import SkinCompliance
 from sim.compliance_cache import cached_compliance
-from sim.contact_kernel import press_skin, resultant
+from sim.contact import Contact, ContactPatch, with_motion
+from sim.contact_kernel import press_skin
 from sim.contact_surface import contact_surface
 from sim.interpolation import interpolation_matrix, interpolation_weights
 from sim.phantom import Phantom
 from sim.probe_face import ProbeFace
 
-SKIN_POINTS = 800
-"""Vertices of the finite elements on the skin: 6 mm apart. Twice as many change the force by 1 %."""
-GEL_FRICTION = 0.1
-"""Friction coefficient of gel on skin [-]; .05 to .2 are plausible."""
-FRICTION_SPEED = 2e-3
-"""Sliding speed beyond which friction is fully there [m/s]; it keeps the force smooth when the motion turns."""
+SKIN_POINTS = 400
+"""Vertices of the finite elements on the skin: 9 mm apart. Twice as many change the force by 1.2 % at the most."""
+LINEAR_LIMIT = 0.008
+"""Indentation to which linear elasticity was validated [m]."""
 DAMPING = 3.0
 """Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley): 15 N s/m at 5 N."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Contact:
-    """What a press does to the probe, in S."""
-
-    force_S: Float[np.ndarray, "3"]
-    """Force of the tissue on the probe [N]."""
-    torque_S: Float[np.ndarray, "3"]
-    """Its torque about the probe tip P [N m]."""
-    depth: float
-    """Largest inward displacement of the skin along its normal [m]."""
-    vertices: int
-    """Points of the skin that touch the probe; they are about 3 mm apart."""
-    centre_S: Float[np.ndarray, "3"]
-    """Middle of the contact, weighted by pressure [m]; P itself where nothing touches."""
 
 
 class SoftTissue:
@@ -59,6 +41,7 @@ class SoftTissue:
         self._element_response_S = np.ascontiguousarray(compliance.response_S.transpose(1, 0, 2))
         self._load = np.zeros(len(self._surface.vertices_S))
         """Inward force on each contact point over Young's modulus [m^2]."""
+        self._warned = False
 
     @staticmethod
     def build(
@@ -76,24 +59,36 @@ class SoftTissue:
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
         """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, into the tissue."""
         X_SP, surface = np.ascontiguousarray(X_SP), self._surface  # one memory layout, one compiled kernel
-        index, points_S, depth, load = press_skin(
+        unit_force_S, unit_torque_S, centre_S, depth, vertices = press_skin(
             self._face, X_SP, surface.vertices_S, surface.normals_S, surface.flexibility,
             surface.neighbours, surface.weights, self._element_response_S, self._load,
         )  # fmt: skip
-        self._load[:] = 0.0
-        self._load[index] = load
-        p_S = X_SP[:3, 3]
-        if len(index) == 0:
-            return Contact(force_S=np.zeros(3), torque_S=np.zeros(3), depth=0.0, vertices=0, centre_S=p_S.copy())
-        force = self._phantom.config.young * load
-        force_S, torque_S, centre_S = resultant(points_S, surface.normals_S[index], force, p_S)
-        added_S = _damping(force_S, velocity_S) + _friction(force_S, velocity_S)
-        return Contact(
-            force_S=force_S + added_S,
-            torque_S=torque_S + np.cross(centre_S - p_S, added_S),
-            depth=float(depth.max()),
-            vertices=len(index),
-            centre_S=centre_S,
+        config = self._phantom.config
+        force_S, torque_S = with_motion(
+            config.young * unit_force_S, config.young * unit_torque_S, centre_S - X_SP[:3, 3],
+            np.ascontiguousarray(velocity_S), DAMPING, config.gel_friction,
+        )  # fmt: skip
+        if depth > LINEAR_LIMIT and not self._warned:
+            self._warn(depth)
+        return Contact(force_S=force_S, torque_S=torque_S, depth=depth, vertices=vertices, centre_S=centre_S)
+
+    def _warn(self, depth: float) -> None:
+        self._warned = True
+        warnings.warn(
+            f"the skin is indented by {depth * 1e3:.1f} mm; the tissue's linear elasticity was validated to "
+            f"{LINEAR_LIMIT * 1e3:.0f} mm, and beyond it forces come out too small: press less "
+            "(--plan.contact.force), or stiffen the phantom (--scene.phantom.young)",
+            stacklevel=3,
+        )
+
+    def patch(self) -> ContactPatch:
+        """Contact patch and pressure of the last press."""
+        touching = np.flatnonzero(self._load)
+        areas = self._surface.areas[touching]
+        return ContactPatch(
+            points_S=self._surface.vertices_S[touching] + self._displacement()[touching],
+            pressure=self._phantom.config.young * self._load[touching] / areas,
+            areas=areas,
         )
 
     def deformed_skin(self) -> Float[np.ndarray, "n 3"]:
@@ -130,17 +125,3 @@ class SoftTissue:
         near, weights = interpolation_weights(sources, self._phantom.unembed(skin_S))
         weights[(near >= points) | (skin_S[:, 2:] == 0)] = 0.0
         return interpolation_matrix(near, weights, len(sources))[:, :points]
-
-
-def _damping(elastic_S: Float[np.ndarray, "3"], velocity_S: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """Rise of the elastic force while the probe goes in, fall while it comes out; the tissue never pulls."""
-    speed_in = -float(elastic_S @ velocity_S) / float(np.linalg.norm(elastic_S))
-    return elastic_S * max(DAMPING * speed_in, -1.0)
-
-
-def _friction(elastic_S: Float[np.ndarray, "3"], velocity_S: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """Coulomb's friction of the gel against sliding, smoothed around rest."""
-    magnitude = np.linalg.norm(elastic_S)
-    normal_S = elastic_S / magnitude
-    sliding_S = velocity_S - (velocity_S @ normal_S) * normal_S
-    return -GEL_FRICTION * magnitude * sliding_S / np.hypot(np.linalg.norm(sliding_S), FRICTION_SPEED)

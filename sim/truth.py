@@ -1,4 +1,7 @@
-"""What the simulation knows exactly: the undeformed skin, and which of its points now lies where."""
+"""What the simulation knows exactly: the undeformed skin, and where each of its points lies now.
+
+"Now" is the tissue's last press. To know an earlier instant, press the tissue again with that row's `TruthLog.X_SP`.
+"""
 
 from typing import no_type_check
 
@@ -8,9 +11,12 @@ import trimesh
 from jaxtyping import Bool, Float
 
 from breastscan.geometry import se3
+from breastscan.vision.camera import Intrinsics
+from sim.contact import Mechanics
 from sim.hemisphere import sphere_axes
+from sim.lens import pixel_rays
+from sim.mesh_rays import first_hits
 from sim.phantom import Phantom
-from sim.tissue import SoftTissue
 
 LOOP_POINTS = 4000
 """Points of the true half-height loop: .1 mm apart."""
@@ -29,7 +35,7 @@ OCCLUSION = 1e-3
 class Truth:
     """Ground truth of one phantom and its tissue; all points in S."""
 
-    def __init__(self, phantom: Phantom, tissue: SoftTissue) -> None:
+    def __init__(self, phantom: Phantom, tissue: Mechanics) -> None:
         self._phantom = phantom
         self._tissue = tissue
         skin = phantom.skin
@@ -69,7 +75,7 @@ class Truth:
 
     def half_height_loop(self) -> Float[np.ndarray, "n 3"]:
         """Dense contour of the undeformed skin at half its height [m]; it closes without repeating its first point."""
-        return self._phantom.level_loop(self._phantom.config.height / 2, LOOP_POINTS)
+        return self._phantom.level_loop(self._phantom.height / 2, LOOP_POINTS)
 
     def cast(self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """First point of the undeformed skin on each ray from an origin outside the breast [m], NaN where it misses."""
@@ -80,10 +86,37 @@ class Truth:
         points_S[hit] = self._bisected(origin_S, unit_S[hit], inside[hit])
         return points_S
 
-    def skin_depth(self, X_SC: Float[np.ndarray, "4 4"], rays_C: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Depth along a camera's z [m] of the undeformed skin that each of its rays sees, NaN where none."""
-        points_S = self.cast(X_SC[:3, 3], se3.rotate(X_SC, rays_C))
-        return se3.transform(se3.inverse(X_SC), points_S)[:, 2]
+    def normals(self) -> Float[np.ndarray, "n 3"]:
+        """Outward unit normals of the skin as it lies now, at the vertices of `Phantom.skin`."""
+        corners_S = self._tissue.deformed_skin()[self._phantom.skin.triangles]
+        facing_S = np.cross(corners_S[:, 1] - corners_S[:, 0], corners_S[:, 2] - corners_S[:, 0])
+        normals_S = np.zeros_like(self._phantom.skin.vertices_S)
+        for corner in self._phantom.skin.triangles.T:
+            np.add.at(normals_S, corner, facing_S)
+        return normals_S / np.linalg.norm(normals_S, axis=1, keepdims=True)
+
+    def seen(
+        self, X_SC: Float[np.ndarray, "4 4"], rays_C: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """What a camera's rays see of the skin as it lies now: depth along its z [m] and normal in S, NaN where none.
+
+        The skin is taken as its fine mesh, within .01 mm of the smooth surface and .04 mm on the nipple; nothing else
+        stands in the way.
+
+        Args:
+            X_SC: The camera, OpenCV's axes, outside the breast.
+            rays_C: Directions with z = 1.
+        """
+        vertices_C = se3.transform(se3.inverse(X_SC), self._tissue.deformed_skin())
+        triangles = self._phantom.skin.triangles
+        depth, hit, weights = first_hits(vertices_C[triangles], np.ascontiguousarray(rays_C))
+        normals_S = np.einsum("nk,nkc->nc", weights, self.normals()[triangles[hit]])
+        normals_S[hit < 0] = np.nan
+        return depth, normals_S / np.linalg.norm(normals_S, axis=1, keepdims=True)
+
+    def depth_map(self, camera: Intrinsics, X_SC: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "h w"]:
+        """Depth along its z [m] of the skin that each pixel of a distorted camera sees now, NaN where none."""
+        return self.seen(X_SC, pixel_rays(camera))[0].reshape(camera.height, camera.width)
 
     def visible(self, p_S: Float[np.ndarray, "n 3"], centre_S: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "n"]:
         """Whether points of the undeformed skin are seen from `centre_S`, not hidden by the breast itself."""
@@ -106,7 +139,7 @@ class Truth:
         moved = direction + steps[:, 0] * u + steps[:, 1] * v
         moved[:, 2] = np.maximum(moved[:, 2], 0.0)
         moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-        return moved, self._phantom.config.radius * float(np.abs(moved - direction).max(initial=0.0))
+        return moved, self._phantom.radius * float(np.abs(moved - direction).max(initial=0.0))
 
     def _bisected(
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"], inside: Float[np.ndarray, "n"]
@@ -123,7 +156,7 @@ class Truth:
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
         """Where each ray enters and leaves a ball around the breast, above the plate [m]; nowhere if far < near."""
-        middle_S = np.array([0.0, 0.0, self._phantom.config.height / 2])
+        middle_S = np.array([0.0, 0.0, self._phantom.height / 2])
         radius = np.linalg.norm(self._phantom.skin.vertices_S - middle_S, axis=1).max()
         to_middle = unit_S @ (middle_S - origin_S)
         discriminant = radius**2 - np.sum((middle_S - origin_S) ** 2) + to_middle**2

@@ -13,9 +13,9 @@ from jaxtyping import Float, UInt8
 
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
+from sim.contact import Mechanics
 from sim.picture import Picture
 from sim.scene import Scene
-from sim.tissue import SoftTissue
 
 CODEC = "vp09"
 """The one codec that OpenCV's wheel writes and every browser plays."""
@@ -90,7 +90,7 @@ class Footage:
 
 def render_video(
     scene: Scene,
-    tissue: SoftTissue,
+    tissue: Mechanics,
     footage: Footage,
     path: Path,
     config: VideoConfig | None = None,
@@ -124,7 +124,7 @@ def render_video(
 
 def render_still(
     scene: Scene,
-    tissue: SoftTissue,
+    tissue: Mechanics,
     q: Float[np.ndarray, "6"],
     view: View = OVERVIEW,
     size_px: tuple[int, int] = (1280, 800),
@@ -139,9 +139,11 @@ def render_still(
         return _shoot(picture, view, q, skin_S, size_px)
 
 
-def pressed_skin(scene: Scene, tissue: SoftTissue, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
-    """The skin in S [m] as the probe of an arm at `q` [rad] deforms it."""
-    X_SP = se3.inverse(scene.X_BS) @ kinematics.forward(q) @ scene.X_FP
+def pressed_skin(
+    scene: Scene, tissue: Mechanics, q: Float[np.ndarray, "6"], time: float = 0.0
+) -> Float[np.ndarray, "n 3"]:
+    """The skin in S [m] as the probe of an arm at `q` [rad] deforms it at `time` [s]."""
+    X_SP = se3.inverse(scene.X_BS_at(time)) @ kinematics.forward(q) @ scene.X_FP
     tissue.press(X_SP, np.zeros(3))
     return tissue.deformed_skin()
 
@@ -152,7 +154,7 @@ def _frame_rows(time: Float[np.ndarray, "n"], step: float) -> list[int]:
 
 
 def _frames(
-    scene: Scene, tissue: SoftTissue, footage: Footage, rows: list[int], config: VideoConfig
+    scene: Scene, tissue: Mechanics, footage: Footage, rows: list[int], config: VideoConfig
 ) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     """RGB pictures of these rows, with close-up and caption."""
     frame_px = (config.width, config.height)
@@ -162,10 +164,10 @@ def _frames(
         Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine) as near,
     ):
         for row in rows:
-            q = footage.q[row]
-            skin_S = pressed_skin(scene, tissue, q)
-            frame = _shoot(wide, OVERVIEW, q, skin_S, frame_px)
-            _inset(frame, _shoot(near, CLOSE_UP, q, skin_S, inset_px))
+            q, time = footage.q[row], float(footage.time[row])
+            skin_S = pressed_skin(scene, tissue, q, time)
+            frame = _shoot(wide, OVERVIEW, q, skin_S, frame_px, time)
+            _inset(frame, _shoot(near, CLOSE_UP, q, skin_S, inset_px, time))
             _caption(frame, footage.time[row] - footage.time[0], footage.force[row], footage.phase[row], config)
             yield frame
 
@@ -188,8 +190,9 @@ def _shoot(
     q: Float[np.ndarray, "6"],
     skin_S: Float[np.ndarray, "n 3"],
     size_px: tuple[int, int],
+    time: float = 0.0,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    picture.arrange(q, skin_S)
+    picture.arrange(q, skin_S, time)
     return cv2.resize(picture.draw(view.camera()), size_px, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
 
 

@@ -2,10 +2,12 @@
 
 import numpy as np
 
-from sim.tissue import Contact, SoftTissue
+from sim.contact import Contact, ContactPatch
+
+NOWHERE = ContactPatch(points_S=np.zeros((0, 3)), pressure=np.zeros(0), areas=np.zeros(0))
 
 
-class SpringTissue(SoftTissue):
+class SpringTissue:
     """A frictionless block under a level surface: its force is known in closed form."""
 
     def __init__(self, height: float, stiffness: float, skin_S: np.ndarray | None = None) -> None:
@@ -21,19 +23,28 @@ class SpringTissue(SoftTissue):
     def deformed_skin(self):
         return self.skin_S
 
+    def patch(self):
+        return NOWHERE
+
     def reset(self):
         pass
 
 
-class UndefinedTissue(SoftTissue):
+class UndefinedTissue:
     """A tissue whose mathematics has broken down."""
-
-    def __init__(self) -> None:
-        pass
 
     def press(self, X_SP, velocity_S):
         nowhere = np.full(3, np.nan)
         return Contact(force_S=nowhere, torque_S=nowhere, depth=0.0, vertices=0, centre_S=nowhere)
+
+    def deformed_skin(self):
+        return np.full((1, 3), np.nan)
+
+    def patch(self):
+        return NOWHERE
+
+    def reset(self):
+        pass
 
 
 class ExplodingTissue(SpringTissue):

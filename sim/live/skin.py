@@ -16,7 +16,7 @@ PREFIX = "skin_"
 
 
 def live_vertices(vertices: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"]:
-    """Those of the fine skin's vertices that the live skin has, in the order of the mocap bodies."""
+    """Those of the fine skin's vertices that the live skin has, in the order of the mocap bodies behind the chest's."""
     return vertices[coarser_rows(SKIN_RINGS, COARSENING)]
 
 

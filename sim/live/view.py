@@ -75,7 +75,7 @@ class LiveView:
         self._results: tuple[tuple[str, str], ...] = ()
         self._frame_at = self._pictures_at = 0.0
         self._ending = False
-        self._arrange(HOME_Q, scene.phantom.skin.vertices_S)
+        self._arrange(HOME_Q, scene.phantom.skin.vertices_S, 0.0)
         self._wishes = Wishes()
         self._handle = launch(config, [Panel(force), self._wishes])
         try:
@@ -145,8 +145,7 @@ class LiveView:
         now = time.perf_counter()
         self._frame_at = now + FRAME_TIME
         if self._robot is not None:
-            q, skin_S, _ = self._robot.snapshot()
-            self._arrange(q, skin_S)
+            self._arrange(*self._robot.snapshot())
             self._remember(self._robot)
             if self._camera is not None and now > self._pictures_at:
                 pair = self._camera.capture()
@@ -170,10 +169,12 @@ class LiveView:
             results=self._results,
         )  # fmt: skip
 
-    def _arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None) -> None:
+    def _arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None, time: float) -> None:
+        X_BS = self._scene.X_BS_at(time)
         self._data.qpos[self._joints] = q
+        self._data.mocap_pos[0] = X_BS[:3, 3]
         if skin_S is not None:
-            self._data.mocap_pos[:] = se3.transform(self._scene.X_BS, live_vertices(skin_S))
+            self._data.mocap_pos[1:] = se3.transform(X_BS, live_vertices(skin_S))
 
     def _sync(self) -> None:
         """Exchange messages with the viewer; ends the scan where it was closed."""

@@ -22,6 +22,6 @@ def loop_pose(phantom: Phantom, azimuth: float, depth: float) -> Float[np.ndarra
 
 
 def _loop_point(phantom: Phantom, azimuth: float) -> Float[np.ndarray, "3"]:
-    loop_S = phantom.level_loop(phantom.config.height / 2, 3600)
+    loop_S = phantom.level_loop(phantom.height / 2, 3600)
     angles = 2 * np.pi * np.arange(3600) / 3600
     return np.array([np.interp(azimuth, angles, column, period=2 * np.pi) for column in loop_S.T])

@@ -6,7 +6,10 @@ import pytest
 import trimesh
 
 from breastscan.errors import ConfigError
-from sim.phantom import TEXTURE_RIM, TEXTURE_SIZE_PX, Phantom, PhantomConfig
+from sim.breast import SHAPES
+from sim.layers import LayerConfig
+from sim.phantom import TEXTURE_RIM, TEXTURE_SIZE_PX, Phantom
+from sim.phantom_config import PhantomConfig
 
 CAMERA_PIXEL = 0.8e-3
 """Size of a camera's pixel on the skin at working distance [m]."""
@@ -36,7 +39,7 @@ def test_the_fine_mesh_follows_the_smooth_surface_to_a_hundredth_of_a_millimetre
     skin = phantom.skin
     normals = trimesh.Trimesh(skin.vertices_S, skin.triangles, process=False).face_normals
     assert (normals * skin.normals_S[skin.triangles[:, 0]]).sum(axis=1).min() > 0.98
-    sag = np.abs(phantom.level(skin.vertices_S[skin.triangles].mean(axis=1))) * phantom.config.radius
+    sag = np.abs(phantom.level(skin.vertices_S[skin.triangles].mean(axis=1))) * phantom.radius
     assert np.median(sag) < 1e-5
     assert sag.max() < 1e-4
 
@@ -57,7 +60,7 @@ def test_unembed_inverts_embed_throughout_the_volume(seed):
 
 
 def test_the_half_height_loop_is_a_level_ring_that_leans_as_a_supine_breast_does(phantom):
-    loop_S = phantom.level_loop(phantom.config.height / 2, 720)
+    loop_S = phantom.level_loop(phantom.height / 2, 720)
     np.testing.assert_allclose(loop_S[:, 2], 0.0275, atol=1e-12)
     np.testing.assert_allclose(phantom.level(loop_S), 0, atol=1e-12)
     tilt_deg = np.degrees(np.arccos(phantom.normal(phantom.unembed(loop_S))[:, 2]))
@@ -72,13 +75,71 @@ def test_the_seed_varies_the_shape_a_little_and_repeatably():
     assert 1e-4 < np.abs(one - other).max() < 5e-3
 
 
+@pytest.mark.parametrize("breast", list(SHAPES))
+def test_every_class_has_the_volume_of_victres_breast_laid_on_its_back(breast):
+    """The mesh's volume against the closed form's, to which nipple and areola add a little."""
+    phantom = Phantom(PhantomConfig(breast=breast, asymmetry=0.0, ptosis=0.0))
+    skin = phantom.skin
+    a, b, c = skin.vertices_S[skin.triangles].transpose(1, 0, 2)
+    volume = np.einsum("nc,nc->n", a, np.cross(b, c)).sum() / 6
+    assert volume == pytest.approx(SHAPES[breast].volume, rel=0.03)
+    assert 0.6 < phantom.height / phantom.radius < 0.8
+
+
+def test_classes_grow_with_fat_as_victres_do():
+    """Volumes in ml of superellipsoids with VICTRE's half axes, by sampling."""
+    ball = np.random.default_rng(0).uniform(0, 1, (200_000, 3))
+    for breast, (a1, a2, a3, e1) in {
+        "dense": (1.0, 1.0, 1.0, 1.2),
+        "heterogeneous": (1.2, 1.0, 1.55, 1.2),
+        "scattered": (1.4, 1.2, 2.0, 1.2),
+        "fatty": (1.4, 1.4, 2.75, 1.1),
+    }.items():
+        inside = (np.hypot(ball[:, 0], ball[:, 1]) ** (2 / e1) + ball[:, 2] ** (2 / e1) < 1).mean()
+        victre = 4 * inside * 35e-3**3 * (a1 * a2 * a3) ** e1
+        assert SHAPES[breast].volume == pytest.approx(victre, rel=0.01)
+
+
+def test_size_scales_the_whole_shape():
+    one, twice = (Phantom(PhantomConfig(breast="scattered", size=size, seed=3)).skin for size in (0.6, 1.2))
+    np.testing.assert_allclose(twice.vertices_S, 2 * one.vertices_S, atol=1e-12)
+    np.testing.assert_allclose(twice.normals_S, one.normals_S, atol=1e-8)
+
+
+def test_without_asymmetry_and_ptosis_the_base_is_an_ellipse_and_the_nipple_over_its_middle():
+    phantom = Phantom(PhantomConfig(breast="heterogeneous", asymmetry=0.0, ptosis=0.0))
+    loop_S = phantom.level_loop(0.0, 360)
+    np.testing.assert_allclose(loop_S.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(phantom.embed(np.array([[0.0, 0.0, 1.0]]))[0], [0, 0, phantom.height], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"young": -1.0}, "positive"),
+        ({"young": 0.0}, "positive"),
+        ({"poisson": 0.5}, "poisson"),
+        ({"size": 0.0}, "size"),
+        ({"size": np.nan}, "size"),
+        ({"gel_friction": -0.1}, "gel_friction"),
+        ({"asymmetry": 12.0}, "folds"),
+        ({"ptosis": 12.0}, "beside the base"),
+        ({"projection": 0.2}, "too flat"),
+        ({"layers": LayerConfig(mass_radius=0.01, mass_p_S=(0.08, 0.0, 0.02))}, "outside"),
+    ],
+)
+def test_impossible_phantoms_are_refused(wrong, why):
+    with pytest.raises(ConfigError, match=why):
+        Phantom(replace(PhantomConfig(), **wrong))
+
+
 @pytest.mark.parametrize(
     "wrong",
-    [{"young": -1.0}, {"young": 0.0}, {"poisson": 0.5}, {"radius": 0.0}, {"nipple_height": 0.05}],
+    [{"gland_share": 1.0}, {"gland_ratio": -3.0}, {"mass_ratio": 0.0}, {"mass_radius": -0.01}, {"skin_ratio": np.nan}],
 )
-def test_impossible_phantoms_are_refused(wrong):
+def test_impossible_tissues_are_refused(wrong):
     with pytest.raises(ConfigError):
-        replace(PhantomConfig(), **wrong)
+        LayerConfig(**wrong)
 
 
 def test_every_matching_window_of_the_skin_has_contrast(skin_texture):

@@ -111,6 +111,11 @@ def test_a_phantom_that_cannot_stand_there_is_refused(p_BS, why):
         SceneConfig(p_BS=p_BS)
 
 
+def test_a_phantom_that_the_cameras_do_not_see_is_refused():
+    with pytest.raises(ConfigError, match=r"camera sees \d+ % of the breast"):
+        Scene(SceneConfig(p_BS=(0.5, 0.0, 0.62)))
+
+
 def test_an_impossible_mount_angle_is_refused():
     with pytest.raises(ConfigError, match="mount_angle"):
         SceneConfig(mount_angle=3.0)

@@ -1,7 +1,11 @@
+import cv2
 import numpy as np
 import pytest
+import trimesh
 
+from breastscan.geometry import se3
 from sim.compliance import compute_compliance
+from sim.lens import binned, pixel_rays
 from sim.phantom import Phantom, PhantomConfig
 from sim.tissue import SoftTissue
 from sim.truth import Truth
@@ -67,14 +71,59 @@ def test_cast_rays_stop_at_the_first_skin_they_meet(truth, phantom):
     assert not inside.any()
 
 
-def test_skin_depth_is_the_hit_along_the_cameras_axis(truth):
+@pytest.fixture(scope="module")
+def X_SC() -> np.ndarray:
+    """A camera that looks down on the breast."""
     X_SC = np.eye(4)
     X_SC[:3, :3] = np.diag([1.0, -1.0, -1.0])
     X_SC[:3, 3] = [0.02, 0.01, 0.5]
-    depth = truth.skin_depth(X_SC, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]))
-    point_S = np.array([[0.02, 0.01, 0.5 - depth[0]]])
-    assert abs(truth.distance(point_S)[0]) < 1e-8
-    assert np.isnan(depth[1])
+    return X_SC
+
+
+@pytest.fixture(scope="module")
+def rays_C() -> np.ndarray:
+    rays = np.random.default_rng(2).uniform(-0.18, 0.18, (2000, 2))
+    return np.column_stack([rays, np.ones(len(rays))])
+
+
+def test_depth_and_normal_of_the_skin_at_rest_are_those_of_the_smooth_surface(truth, X_SC, rays_C):
+    depth, normals_S = truth.seen(X_SC, rays_C)
+    hits_S = truth.cast(X_SC[:3, 3], se3.rotate(X_SC, rays_C))
+    both = np.isfinite(hits_S[:, 0]) & np.isfinite(depth)
+    assert np.mean(np.isfinite(hits_S[:, 0]) == np.isfinite(depth)) > 0.998
+    assert 0.3 < both.mean() < 0.9
+    seen_S = se3.transform(X_SC, depth[both, None] * rays_C[both])
+    assert np.abs(truth.distance(seen_S)).max() < 5e-5
+    tilt = se3.angle_between(normals_S[both], truth.closest(hits_S[both])[1])
+    assert np.degrees(np.quantile(tilt, 0.95)) < 0.5
+
+
+def test_seen_points_of_pressed_skin_lie_on_its_facets_before_all_others(truth, phantom, tissue, X_SC, rays_C):
+    tissue.press(loop_pose(phantom, 1.0, 0.006), REST)
+    depth, normals_S = truth.seen(X_SC, rays_C)
+    mesh = trimesh.Trimesh(tissue.deformed_skin(), phantom.skin.triangles, process=False)
+    hit = np.flatnonzero(np.isfinite(depth))[::20]
+    for i in hit:
+        along = np.einsum("tc,tc->t", mesh.triangles[:, 0] - X_SC[:3, 3], mesh.face_normals)
+        slope = mesh.face_normals @ se3.rotate(X_SC, rays_C[i])
+        at_S = X_SC[:3, 3] + (along / slope)[:, None] * se3.rotate(X_SC, rays_C[i])
+        weights = trimesh.triangles.points_to_barycentric(mesh.triangles, at_S)
+        met = (weights > 0).all(axis=1)
+        assert (along / slope)[met].min() == pytest.approx(depth[i], abs=1e-9)
+    assert np.isnan(normals_S[np.isnan(depth)]).all()
+
+
+def test_a_depth_map_has_each_pixels_ray_through_the_lens(truth, phantom, quiet_scene):
+    """OpenCV projects the seen points back on their pixels."""
+    camera, X_SC = quiet_scene.rig.left, se3.inverse(quiet_scene.X_BS) @ quiet_scene.X_BL
+    small = binned(camera, 4)
+    depth = truth.depth_map(small, X_SC)
+    rows, columns = np.nonzero(np.isfinite(depth))
+    assert len(rows) > 1000
+    hits_C = depth[rows, columns, None] * pixel_rays(small)[rows * small.width + columns]
+    assert np.abs(truth.distance(se3.transform(X_SC, hits_C))).max() < 5e-5
+    pixels = cv2.projectPoints(hits_C, np.zeros(3), np.zeros(3), small.K, small.distortion)[0][:, 0]
+    np.testing.assert_allclose(pixels, np.stack([columns, rows], axis=1), atol=1e-6)
 
 
 def test_visible_points_are_those_that_face_a_viewpoint_low_beside_the_dome(truth, spots):
@@ -101,6 +150,6 @@ def test_material_points_of_the_deformed_skin_are_where_they_came_from(truth, ph
 
 def test_the_half_height_loop_lies_on_the_skin_at_half_its_height(truth, phantom):
     loop_S = truth.half_height_loop()
-    np.testing.assert_allclose(loop_S[:, 2], phantom.config.height / 2, atol=1e-9)
+    np.testing.assert_allclose(loop_S[:, 2], phantom.height / 2, atol=1e-9)
     assert np.abs(truth.distance(loop_S[::40])).max() < 1e-9
     assert np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1).max() < 2e-4

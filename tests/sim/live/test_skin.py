@@ -26,9 +26,9 @@ def test_the_live_skin_is_drawn_where_the_mocap_bodies_are(quiet_scene):
     skin_S = quiet_scene.phantom.skin.vertices_S
     np.testing.assert_allclose(data.flexvert_xpos, se3.transform(quiet_scene.X_BS, live_vertices(skin_S)), atol=1e-6)
     pressed_S = skin_S - 0.005 * quiet_scene.phantom.skin.normals_S
-    data.mocap_pos[:] = se3.transform(quiet_scene.X_BS, live_vertices(pressed_S))
+    data.mocap_pos[1:] = se3.transform(quiet_scene.X_BS, live_vertices(pressed_S))
     mujoco.mj_forward(model, data)
-    np.testing.assert_allclose(data.flexvert_xpos, data.mocap_pos, atol=1e-6)
+    np.testing.assert_allclose(data.flexvert_xpos, data.mocap_pos[1:], atol=1e-6)
 
 
 def test_the_live_model_moves_as_the_simulated_one_does(quiet_scene):

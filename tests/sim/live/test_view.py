@@ -94,7 +94,7 @@ def test_the_viewer_sees_arm_skin_cameras_path_and_what_the_probe_feels(quiet_sc
         assert stand_in.latest(PlanEvent).loop_B.shape == (4, 3)
         assert stand_in.latest(PicturesSnapshot).left.shape == (256, 320)
         np.testing.assert_allclose(stand_in.data.qpos[:6], HOME_Q, atol=1e-3)
-        nipple = quiet_scene.X_BS[2, 3] + quiet_scene.phantom.config.height
+        nipple = quiet_scene.X_BS[2, 3] + quiet_scene.phantom.height
         assert stand_in.data.mocap_pos[:, 2].max() == pytest.approx(nipple - 0.003, abs=1e-4)
 
 

@@ -1,0 +1,154 @@
+"""How the phantom behaves, drawn: indentation, ripple, layers, breathing; and a sheet of the whole family."""
+
+from pathlib import Path
+from typing import get_args
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from matplotlib.figure import Figure
+
+from breastscan import record
+from breastscan.geometry import kinematics, se3
+from breastscan.report import theme
+from experiments.indentation import DEPTHS, FINEST, REST, Indentation, pose
+from experiments.tissue_cost import LONGEST_RIPPLE, SLIDE_DEPTH, Slide
+from sim.breast import SHAPES, BreastClass
+from sim.breathing import BreathingConfig, Waveform, rise
+from sim.mechanics import build_mechanics
+from sim.phantom import Phantom
+from sim.phantom_config import Mechanics, PhantomConfig, Texture
+from sim.picture import Picture
+from sim.scene import HOME_Q, Scene, SceneConfig
+from sim.video import View
+
+COLOURS = ("#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7")
+"""Of the members of a family, from Okabe and Ito's palette."""
+DPI = 100
+TILE_PX = (180, 136)
+DRAWN_OVER_TILE = 3
+SHEET_AZIMUTH = -2.2
+"""Where on the breast the probe stands in the sheet [rad]."""
+SHEET_DEPTH = {"soft": 0.006, "printed": 0.0004, "flex": 0.006}
+"""How deep it presses [m]."""
+FONT, INK = cv2.FONT_HERSHEY_DUPLEX, (40, 40, 40)
+LABEL_PX = (110, 44)
+
+
+def write(
+    folder: Path,
+    presses: dict[str, Indentation],
+    others: dict[str, np.ndarray],
+    slides: dict[tuple[float, float], Slide],
+    inclusions: dict[str, tuple[np.ndarray, np.ndarray]],
+) -> list[str]:
+    """Write all figures as PNG; their names, without the ending.
+
+    Args:
+        folder: Where to.
+        presses: By place.
+        others: Forces of other mechanics at `DEPTHS` in the first place [N].
+        slides: By height and spin.
+        inclusions: Azimuths [deg] and forces [N] of a slide over each kind of tissue.
+    """
+    figures = {
+        "twin_tissue": _indentation(presses, others),
+        "twin_tissue_slides": _slides(slides, inclusions),
+    }
+    for name, figure in figures.items():
+        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
+    record.write_image(folder / "twin_phantoms.png", cv2.cvtColor(_sheet(), cv2.COLOR_RGB2BGR))
+    return [*figures, "twin_phantoms"]
+
+
+def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray]) -> Figure:
+    figure, axes = theme.panels(1, 2, height_in=3.6)
+    force, error = axes[0]
+    depths_mm = 1e3 * DEPTHS
+    for colour, (name, press) in zip(COLOURS, presses.items(), strict=False):
+        force.plot(depths_mm, press.full, "o", color=colour, markersize=4)
+        force.plot(depths_mm, press.soft, color=colour, linewidth=1.6, label=name)
+        error.plot(depths_mm, 100 * press.error, ".-", color=colour, linewidth=1.6, label=name)
+    for (name, values), style in zip(others.items(), ("--", ":", "-."), strict=False):
+        force.plot(depths_mm, values, style, color=theme.MUTED, linewidth=1.3, label=name)
+    force.set(xlabel="indentation [mm]", ylabel="force along the probe [N]", ylim=(0, 10))
+    force.legend(frameon=False, fontsize=8)
+    theme.title(force, f"Lines: the soft phantom; dots: full elements, {1e3 * FINEST:.0f} mm, large strain")
+    for depth_mm, bar in ((5, 5), (8, 10)):
+        start = 0 if bar == 5 else 5
+        for sign in (-1, 1):
+            error.plot([start, depth_mm], [sign * bar, sign * bar], color=theme.MUTED, linewidth=1.0, linestyle=":")
+    error.set(xlabel="indentation [mm]", ylabel="error of the force [%]", ylim=(-11, 11))
+    theme.title(error, "Soft phantom over full elements; dotted: what is allowed")
+    return figure
+
+
+def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
+    figure, axes = theme.panels(1, 3, height_in=3.4)
+    spectrum, inclusion, breath = axes[0]
+    for colour, spin, name in zip(COLOURS, (0.0, np.pi / 2), ("array along the way", "array across it"), strict=False):
+        slide = slides[0.5, spin]
+        amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
+        wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
+        spectrum.loglog(wavelength_mm[1:], amplitude[1:], color=colour, linewidth=1.0, label=name)
+    spectrum.axvline(1e3 * LONGEST_RIPPLE, color=theme.MUTED, linewidth=1.0, linestyle=":")
+    spectrum.set(xlabel="wavelength [mm]", ylabel="force, RMS of a line [N]", xlim=(400, 0.6), ylim=(1e-6, 1))
+    spectrum.legend(frameon=False, fontsize=8)
+    theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
+    for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
+        inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.12))
+    inclusion.legend(frameon=False, fontsize=8, loc="upper right")
+    theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
+    time = np.linspace(0, 8, 400)
+    for colour, waveform in zip(COLOURS, get_args(Waveform), strict=False):
+        config = BreathingConfig(amplitude=0.005, waveform=waveform)
+        breath.plot(time, [1e3 * rise(config, t) for t in time], color=colour, linewidth=1.6, label=waveform)
+    breath.set(xlabel="time [s]", ylabel="rise of the chest [mm]")
+    breath.legend(frameon=False, fontsize=8)
+    theme.title(breath, "Breathing, amplitude 5 mm, .25 Hz")
+    return figure
+
+
+def _sheet() -> UInt8[np.ndarray, "h w 3"]:
+    """Every class (rows) with every texture and mechanics (columns), pressed by the probe."""
+    rows = [_headings()]
+    for breast in SHAPES:
+        label = np.full((TILE_PX[1], LABEL_PX[0], 3), 255, np.uint8)
+        cv2.putText(label, breast, (4, TILE_PX[1] // 2), FONT, 0.42, INK, 1, cv2.LINE_AA)
+        tiles = [tile for texture in get_args(Texture) for tile in _tiles(breast, texture)]
+        rows.append(np.hstack([label, *tiles]))
+    return np.vstack(rows)
+
+
+def _headings() -> UInt8[np.ndarray, "h w 3"]:
+    strip = [np.full((LABEL_PX[1], LABEL_PX[0], 3), 255, np.uint8)]
+    for texture in get_args(Texture):
+        for mechanics in get_args(Mechanics):
+            label = np.full((LABEL_PX[1], TILE_PX[0], 3), 255, np.uint8)
+            cv2.putText(label, texture, (4, 17), FONT, 0.45, INK, 1, cv2.LINE_AA)
+            cv2.putText(label, mechanics, (4, 36), FONT, 0.42, INK, 1, cv2.LINE_AA)
+            strip.append(label)
+    return np.hstack(strip)
+
+
+def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w 3"]]:
+    """One picture for each mechanics."""
+    scene = Scene(SceneConfig(phantom=PhantomConfig(breast=breast, texture=texture)))
+    phantom, (x, y, z) = scene.phantom, scene.config.p_BS
+    view = View(
+        target_B=(x, y, z + phantom.height / 2), distance=3.6 * phantom.radius, azimuth_deg=118.0,
+        elevation_deg=-32.0,
+    )  # fmt: skip
+    size = (TILE_PX[0] * DRAWN_OVER_TILE, TILE_PX[1] * DRAWN_OVER_TILE)
+    with Picture(scene, *size) as picture:
+        tiles = []
+        for mechanics in get_args(Mechanics):
+            X_SP = pose(phantom, SHEET_AZIMUTH, SHEET_DEPTH[mechanics])
+            solid = build_mechanics(Phantom(PhantomConfig(breast=breast, texture=texture, mechanics=mechanics)))
+            solid.press(X_SP, REST)
+            solutions = kinematics.inverse(scene.X_BS @ X_SP @ se3.inverse(scene.X_FP))
+            turns = (solutions - HOME_Q + np.pi) % (2 * np.pi) - np.pi
+            picture.arrange(solutions[np.abs(turns).max(axis=1).argmin()], solid.deformed_skin())
+            tiles.append(cv2.resize(picture.draw(view.camera()), TILE_PX, interpolation=cv2.INTER_AREA))
+    return tiles
