@@ -261,10 +261,11 @@ def _plan() -> Callable:
 
 def _study() -> Callable:
     os.environ.setdefault("MUJOCO_GL", "egl")
-    from experiments import study_cameras, study_joints, study_phantom, study_twin, study_weights
+    from experiments import study_cameras, study_force, study_joints, study_phantom, study_twin, study_weights
 
     modules = {
         "cameras": study_cameras,
+        "force": study_force,
         "joints": study_joints,
         "phantom": study_phantom,
         "twin": study_twin,
@@ -275,10 +276,10 @@ def _study() -> Callable:
         """Answer one question about the twin, with figures and tables.
 
         Args:
-            name: Which study. cameras: what the simulated cameras' errors are and cost. joints: what the six joints do
-                along the loop, with fixed and with free spin. phantom: how far its mechanics can be trusted, and what
-                they cost. twin: how the simulated arm and its wrist sensor behave. weights: what the weights of a NURBS
-                curve do.
+            name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well each force law
+                holds the probe, an hour. joints: what the six joints do along the loop, with fixed and with free spin.
+                phantom: how far its mechanics can be trusted, and what they cost. twin: how the simulated arm and its
+                wrist sensor behave. weights: what the weights of a NURBS curve do.
             out: Folder for study.md, study.json and the figures; by default out/study_NAME.
             seed: Seed of everything random.
         """

@@ -1,8 +1,9 @@
-"""Execution: approach, contact, settle, the path under force control, retreat [Zhang, Sec. V-B.2].
+"""Execution: the phases of a scan on a robot, under force control and supervision [Zhang, Sec. V-B.2, Fig. 23].
 
 Every period the planned probe pose is shifted along its own axis by the depth that the force controller asks for
-(`control.contact`), and one Newton step of the inverse kinematics turns the shifted pose into joint targets. The arm
-follows its targets late by a known time, so the plan is sent ahead by as much: the arm then is where the plan is.
+(`control.contact`), and one Newton step of the inverse kinematics turns the shifted pose into joint targets, which the
+supervisor lets through (`control.safety`). The arm follows its targets late by a known time, so the plan is sent ahead
+by as much: the arm then is where the plan is. Whatever goes wrong ends in a retreat up the normal.
 """
 
 import signal
@@ -14,10 +15,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.control import contact, safety
+from breastscan.control import contact, phases, safety, selection, tilt, watch
 from breastscan.control.contact import ContactConfig, ContactMemory
-from breastscan.control.safety import SafetyLimits
-from breastscan.errors import RobotError, SafetyError
+from breastscan.control.lag import LagEstimate
+from breastscan.control.phases import PRESSING, Phase, Progress, Route, Situation
+from breastscan.control.safety import Command, SafetyLimits, Sent, Workspace
+from breastscan.control.tilt import Drag, TiltMemory
+from breastscan.control.watch import Observation, Watch
+from breastscan.errors import PlanningError, RobotError
+from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import Robot, RobotState
 
@@ -25,10 +31,12 @@ TRANSFER_SPEED = 0.6
 """Top joint speed of the free motions to and from the breast [rad/s]."""
 TRANSFER_ACCELERATION = 0.8
 """Joint acceleration of the free motions [rad/s^2]."""
-EMERGENCY_FACTOR = 2.0
-"""How much faster an emergency retreat is than the usual one."""
 PROGRESS_EVERY = 250
 """Control periods between two reports of progress."""
+REFUSALS = 25
+"""Refused commands in a row after which a retreat is given up: the robot does not take commands again."""
+NEAR = 0.05
+"""Joint distance within which a robot still stands where an earlier scan left it [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +56,12 @@ class ScanMotion:
     q_home: Float[np.ndarray, "6"]
     """Where the arm parks before and after [rad]."""
 
+    def at(self, row: float) -> Float[np.ndarray, "6"]:
+        """Joint angles [rad] at a row of the plan, with a fraction."""
+        first = int(row)
+        second = min(first + 1, len(self.q) - 1)
+        return self.q[first] + (row - first) * (self.q[second] - self.q[first])
+
 
 @dataclass
 class MotionLog:
@@ -55,69 +69,15 @@ class MotionLog:
 
     rows: list[dict] = field(default_factory=list)
 
-    def add(self, phase: str, state: RobotState, target: np.ndarray, index: int | None, touching: bool) -> None:
-        """Append the state that followed `target`; `index` is the row of the plan where it should be, None off it."""
-        self.rows.append({"phase": phase, "state": state, "target": target, "index": index, "contact": touching})
-
-
-class _Probe:
-    """The probe on its way: sends shifted plan poses to the robot, and remembers how deep and how far it is."""
-
-    def __init__(self, robot: Robot, motion: ScanMotion, config: ContactConfig, limits: SafetyLimits) -> None:
-        self.robot, self.motion, self.config, self.limits = robot, motion, config, limits
-        self.log = MotionLog()
-        self.memory = ContactMemory(depth=-motion.clearance)
-        self.lead = round(robot.servo_lag / robot.period)
-        """Rows by which the plan is sent ahead of the arm."""
-        self.index = 0
-        """Row of the plan that is sent."""
-        self.target = motion.q_approach.copy()
-        self.state = robot.state()
-        self.check_interrupt: Callable[[], None] = lambda: None
-        """Called before every command; raises where the user has asked for an end."""
+    def add(self, phase: Phase, state: RobotState, target: np.ndarray, row: float, touching: bool) -> None:
+        """Append the state that followed `target`, when the arm should be at `row` of the plan."""
+        on_path = row if phase is Phase.LOOP else None
+        self.rows.append({"phase": phase, "state": state, "target": target, "row": on_path, "contact": touching})
 
     @property
-    def force(self) -> float:
-        """Measured contact force along the probe axis, positive when pressing [N]."""
-        return -float(self.state.wrench_P[2])
-
-    def advance(self, phase: str, speed: float) -> None:
-        """One period along the probe axis at `speed` [m/s], positive towards the tissue."""
-        self._send(phase, contact.advance(self.memory, self.force, speed, self.config, self.robot.period))
-
-    def regulate(self, phase: str, set_point: float, reached: int | None = None) -> None:
-        """One period of force control towards `set_point` [N]; on the path, the arm is at row `reached` of the plan."""
-        memory = contact.regulate(self.memory, self.force, set_point, self.config, self.robot.period)
-        self._send(phase, memory, reached)
-
-    def _send(self, phase: str, memory: ContactMemory, reached: int | None = None) -> None:
-        """One period towards the row `index` of the plan, shifted by the depth in `memory`."""
-        self.check_interrupt()
-        q_plan = self.motion.q[self.index]
-        target = shifted_joints(self.robot.calibration, self.target, q_plan, self.robot.X_FP, memory.depth)
-        safety.check_command(target, self.target, self.robot.period, self.limits)
-        self.robot.servo_joint(target)
-        self.memory, self.target, self.state = memory, target, self.robot.state()
-        touching = memory.force > 0.5 * self.config.contact_force
-        self.log.add(phase, self.state, target, reached, touching)
-        safety.check_wrench(self.state.wrench_P, self.limits)
-
-
-def shifted_joints(
-    calibration: KinematicCalibration,
-    q_start: Float[np.ndarray, "6"],
-    q_plan: Float[np.ndarray, "6"],
-    X_FP: Float[np.ndarray, "4 4"],
-    depth: float,
-) -> Float[np.ndarray, "6"]:
-    """Joint angles that put the tip `depth` [m] along the probe axis beyond where `q_plan` puts it.
-
-    One Newton step from `q_start` [rad]: at 500 Hz the pose moves by less than .1 mm a period, so a step leaves
-    an error below a nanometre.
-    """
-    X_BF = calibration.forward(q_plan)
-    X_BF[:3, 3] += X_BF[:3, :3] @ (depth * X_FP[:3, 2])
-    return calibration.step(q_start, X_BF)
+    def last_row(self) -> int:
+        """The last row of the plan that was reached in contact; a scan that was cut off starts again there."""
+        return next((int(entry["row"]) for entry in reversed(self.rows) if entry["row"] is not None), 0)
 
 
 def execute(
@@ -125,7 +85,12 @@ def execute(
     motion: ScanMotion,
     config: ContactConfig,
     limits: SafetyLimits,
+    *,
+    log: MotionLog | None = None,
     progress: Callable[[float], None] = lambda share: None,
+    pause: Callable[[], bool] = lambda: False,
+    start: int = 0,
+    in_air: bool = False,
 ) -> MotionLog:
     """Run the whole contact scan on a robot, and always leave the skin.
 
@@ -134,31 +99,205 @@ def execute(
         motion: What `scan.plan` made.
         config: Force control.
         limits: What ends the scan.
+        log: Where every control period in contact or close to it goes, also those of a scan that ends early.
         progress: Told the share of the path that is done, 0 to 1.
+        pause: Asked every period whether to wait, clear of the skin; the scan then goes on where it was.
+        start: Row of the plan at which contact is made: `MotionLog.last_row` of a scan that was cut off.
+        in_air: Whether to travel the path at its clearance, without contact.
 
     Returns:
-        The log of every control period in contact or close to it.
+        The log.
 
     Raises:
         SafetyError: A limit was passed; the probe was retreated first.
         RobotError: No contact was found, or the robot refused.
         KeyboardInterrupt: The user asked for an end; the probe was retreated first.
     """
-    robot.move_joint(motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+    if not 0 <= start < len(motion.q):
+        raise PlanningError(f"a plan of {len(motion.q)} rows has no row {start} to start at", start)
+    log = MotionLog() if log is None else log
+    lifted = lifted_joints(motion, start, robot.X_FP, robot.calibration)
+    stands_there = float(np.abs(robot.state().q - lifted).max()) < NEAR
+    robot.move_joint(lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     robot.tare()
-    probe = _Probe(robot, motion, config, limits)
-    with deferred_interrupt() as probe.check_interrupt:
-        try:
-            _approach(probe)
-            _settle(probe)
-            _follow_path(probe, progress)
-            _retreat(probe)
-        except BaseException:
-            probe.check_interrupt = lambda: None  # nothing ends the retreat half-way
-            _emergency_retreat(probe)
-            raise
+    route = Route(len(motion.q) - 1, start, in_air, motion.clearance)
+    probe = _Probe(robot, motion, route, config, limits, log, first_row=start if stands_there else 0)
+    with deferred_interrupt() as check_interrupt:
+        probe.run(check_interrupt, pause, progress)
+    if probe.error is not None:
+        robot.stop()
+        raise probe.error
     robot.move_joint(motion.q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
-    return probe.log
+    return log
+
+
+class _Probe:
+    """The probe on its way: senses, decides, sends, and remembers where it is."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        motion: ScanMotion,
+        route: Route,
+        config: ContactConfig,
+        limits: SafetyLimits,
+        log: MotionLog,
+        *,
+        first_row: int,
+    ) -> None:
+        self.robot, self.motion, self.route, self.config, self.limits, self.log = (
+            robot, motion, route, config, limits, log,
+        )  # fmt: skip
+        self.error: BaseException | None = None
+        """Why the scan ends early."""
+        self._progress = Progress(Phase.TRAVEL, row=float(first_row))
+        self._memory = ContactMemory.resting(-motion.clearance, robot.period)
+        self._state = robot.state()
+        self._sent = Sent.resting(self._state.q)
+        self._watch = Watch.beginning(self._observation())
+        self._refused = 0
+        self._hurry = 0.0
+        self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
+        self._tilt = TiltMemory()
+        self._X_PF = se3.inverse(robot.X_FP)
+        X_BP = robot.calibration.forward(motion.at(float(first_row))) @ robot.X_FP
+        self._planned_B, self._R_BP, self._velocity_B = X_BP[:3, 3], X_BP[:3, :3], np.zeros(3)
+        tips_B = (robot.calibration.forward(motion.q) @ robot.X_FP)[:, :3, 3]
+        self._workspace = Workspace.around(tips_B, motion.clearance + limits.workspace_margin)
+
+    def run(
+        self, check_interrupt: Callable[[], None], pause: Callable[[], bool], progress: Callable[[float], None]
+    ) -> None:
+        """Every phase, to the end; `error` then says whether it was the good one."""
+        cycle = 0
+        while self._progress.phase is not Phase.DONE and self._refused <= REFUSALS:
+            try:
+                check_interrupt()
+                if cycle % PROGRESS_EVERY == 0:
+                    progress(self._progress.row / self.route.last)
+                self._cycle(pause())
+            except (Exception, KeyboardInterrupt) as error:
+                self._refused += self._progress.phase is Phase.ESCAPE  # something keeps the retreat itself from running
+                self._end(error)
+            cycle += 1
+        if self._refused > REFUSALS:
+            why = f"{self.error}; the robot takes no commands, so the probe was not retreated: move it away by hand"
+            self.error = RobotError(why, self.error)
+
+    def _cycle(self, pause: bool) -> None:
+        """One control period."""
+        if self._progress.phase is not Phase.ESCAPE:
+            self._sense()
+        memory, progress, demand = self._decide(pause)
+        if progress.phase is Phase.DONE:
+            self._progress = progress
+            return
+        if demand.meets:
+            memory = contact.meet(memory, self.config)
+        if demand.leaves:
+            memory = contact.leave(memory)
+        lag, period = self._lag.lag, self.robot.period
+        if demand.reference is not None:
+            memory = contact.regulate(memory, demand.reference, self.config, lag, period)
+        else:
+            escaping = progress.phase is Phase.ESCAPE
+            acceleration = self.config.phases.escape_acceleration if escaping else self.config.acceleration
+            memory = contact.advance(memory, demand.speed, acceleration, lag, period)
+        self._send(memory, progress)
+
+    def _sense(self) -> None:
+        """Take the latest state in, unless there is something wrong with it."""
+        fault, self._watch = watch.look(self._observation(), self._watch, self.limits)
+        if fault is not None:
+            self._end(fault)
+            return
+        self._memory = contact.sense(self._memory, -float(self._state.wrench_P[2]), self.config, self.robot.period)
+        if self._progress.phase in PRESSING:
+            fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
+            vx, vy, _ = (self._velocity_B @ self._R_BP).tolist()
+            drag = Drag((fx, fy, fz, my), (vx, vy), self._memory.noise, self.robot.period)
+            self._tilt = tilt.turn(drag, self._tilt, self.config.tilt)
+        surface = self._memory.surface
+        if surface is not None and self._progress.phase is Phase.LOOP:
+            self._hurry = safety.hurried(surface.speed, self._hurry, self.limits, self.robot.period)
+            fault = safety.judge_skin(surface.position, surface.speed, self._hurry, self.limits)
+            if fault is not None:
+                self._end(fault)
+
+    def _decide(self, pause: bool) -> tuple[ContactMemory, Progress, phases.Demand]:
+        """What to do in this period."""
+        memory, settings = self._memory, self.config.phases
+        now = Situation(memory.depth, memory.rate, memory.slow.force, contact.touches(memory, self.config), pause)
+        progress, demand = phases.step(self._progress, now, self.route, self.config.force, settings, self.robot.period)
+        if demand.fault is not None:
+            self._end(demand.fault)
+            progress, demand = phases.step(
+                self._progress, now, self.route, self.config.force, settings, self.robot.period
+            )
+        return memory, progress, demand
+
+    def _send(self, memory: ContactMemory, progress: Progress) -> None:
+        """One command to the robot; what was decided counts once it is taken."""
+        ahead = min(progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last))
+        arm = self.robot.calibration
+        X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
+        X_BP = selection.corrected(X_BP_plan, memory.depth, self._tilt.rx, self._tilt.ry)
+        command = Command(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
+        sent = safety.let_through(command, self._sent, self._workspace, self.limits, self.robot.period)
+        if sent.fault is not None:
+            self._end(sent.fault)
+        try:
+            self.robot.servo_joint(sent.q)
+        except RobotError as error:
+            self._refuse(error)
+            return
+        self._memory, self._sent, self._refused = memory, sent, 0
+        self._progress = progress if self.error is None else phases.escape(progress, self._felt)
+        self._state = self.robot.state()
+        self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
+        self._velocity_B = (X_BP_plan[:3, 3] - self._planned_B) / self.robot.period
+        self._planned_B, self._R_BP = X_BP_plan[:3, 3], X_BP[:3, :3]
+        self.log.add(progress.phase, self._state, sent.q, progress.row, contact.touches(memory, self.config))
+
+    def _end(self, error: BaseException) -> None:
+        """Begin the retreat; the first error is the one that is told."""
+        if self.error is None:
+            self.error = error
+        self._progress = phases.escape(self._progress, self._felt)
+
+    def _refuse(self, error: RobotError) -> None:
+        """Stop, and begin the retreat from wherever the robot then is, should it take commands again."""
+        self._refused += 1
+        self._end(error)
+        with suppress(RobotError):
+            self.robot.stop()
+            self._state = self.robot.state()
+            self._sent = Sent.resting(self._state.q)
+
+    @property
+    def _felt(self) -> float:
+        """Depth at which the skin is felt [m], 0 in the air."""
+        return 0.0 if self._memory.surface is None else self._memory.depth
+
+    def _observation(self) -> Observation:
+        state = self._state
+        return Observation(
+            state.time,
+            state.sample,
+            tuple(state.wrench_P.tolist()),
+            self.config.force,
+            self._memory.depth,
+            self.robot.period,
+        )
+
+
+def lifted_joints(
+    motion: ScanMotion, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
+) -> Float[np.ndarray, "6"]:
+    """Joint angles [rad] with the tip clear of the skin above a row of the plan; NaN where they cannot be reached."""
+    X_lifted = arm.forward(motion.q[row]) @ X_FP
+    X_lifted[:3, 3] -= motion.clearance * X_lifted[:3, 2]
+    return arm.refined(motion.q[row], X_lifted @ se3.inverse(X_FP))
 
 
 @contextmanager
@@ -188,54 +327,3 @@ def deferred_interrupt() -> Iterator[Callable[[], None]]:
     finally:
         signal.signal(signal.SIGINT, before)
     check()
-
-
-def _approach(probe: _Probe) -> None:
-    """Move along the normal of the first point until the force says that the skin is there."""
-    while probe.memory.force < probe.config.contact_force:
-        if probe.memory.depth > probe.config.search_depth:
-            raise RobotError(
-                f"no contact within {probe.config.search_depth * 1e3:.0f} mm beyond the planned skin: is the phantom "
-                "where the cameras saw it, and is the sensor connected?",
-                probe.memory.depth,
-            )
-        probe.advance("approach", probe.config.approach_speed)
-
-
-def _settle(probe: _Probe) -> None:
-    """Raise the force to its set-point on the first point of the path; its last periods already send the path."""
-    period = probe.robot.period
-    count = round(probe.config.settle_time / period)
-    for k in range(count):
-        probe.index = max(probe.lead - (count - k), 0)
-        probe.regulate("settle", contact.ramped_set_point(k * period, probe.config))
-
-
-def _follow_path(probe: _Probe, progress: Callable[[float], None]) -> None:
-    """Move along the path while the force is held; once the path's end is sent, the arm is awaited there."""
-    count = len(probe.motion.q)
-    for index in range(count):
-        probe.index = min(index + probe.lead, count - 1)
-        probe.regulate("loop", probe.config.force, reached=index)
-        if index % PROGRESS_EVERY == 0:
-            progress(index / count)
-    progress(1.0)
-
-
-def _retreat(probe: _Probe) -> None:
-    """Leave the skin along the probe axis and come to rest."""
-    while probe.memory.depth > -probe.motion.clearance:
-        probe.advance("retreat", -probe.config.retreat_speed)
-    while probe.memory.rate < 0.0:
-        probe.advance("retreat", 0.0)
-
-
-def _emergency_retreat(probe: _Probe) -> None:
-    """Leave the skin, faster, then stop; limits that speak up on the way do not end the retreat."""
-    speed = EMERGENCY_FACTOR * probe.config.retreat_speed
-    distance = probe.memory.depth + probe.motion.clearance
-    longest = distance / speed + 2.0 * speed / probe.config.acceleration
-    for _ in range(round(longest / probe.robot.period)):
-        with suppress(SafetyError):
-            probe.advance("emergency retreat", -speed if probe.memory.depth > -probe.motion.clearance else 0.0)
-    probe.robot.stop()

@@ -24,12 +24,16 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
 
+ABORTED = "aborted"
+"""Where in a run folder that lies which was measured before a scan was cut off."""
+
 
 @contextmanager
 def staged(out: Path) -> Iterator[Path]:
     """Yield an empty folder whose files move into `out` when the block ends well, and vanish when it does not.
 
-    Whatever an earlier run left in `out` stays whole until the new results are complete.
+    Whatever an earlier run left in `out` stays whole until the new results are complete; only then goes what a scan
+    that was cut off left in `ABORTED`.
 
     Raises:
         ConfigError: `out` cannot be written; said before any work is done.
@@ -45,6 +49,7 @@ def staged(out: Path) -> Iterator[Path]:
         yield folder
         for path in sorted(folder.iterdir()):
             os.replace(path, out / path.name)
+        shutil.rmtree(out / ABORTED, ignore_errors=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -103,6 +108,27 @@ def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[
     pl.DataFrame(columns).write_csv(path, float_precision=7)
 
 
+def write_aborted(out: Path, table: pl.DataFrame, error: BaseException) -> Path:
+    """Save what was measured before a scan was cut off, beside the results of earlier runs.
+
+    Args:
+        out: The run folder.
+        table: As `trajectory` makes it.
+        error: What ended the scan.
+
+    Returns:
+        The folder with `trajectory.parquet` and `abort.json`.
+    """
+    folder = out / ABORTED
+    folder.mkdir(parents=True, exist_ok=True)
+    table.write_parquet(folder / "trajectory.parquet")
+    on_path = table["s"].drop_nans()
+    reached = None if on_path.is_empty() else on_path[-1]
+    content = {"error": type(error).__name__, "message": str(error), "path_reached_m": reached, "versions": versions()}
+    write_json(folder / "abort.json", content)
+    return folder
+
+
 def trajectory(
     log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"], calibration: KinematicCalibration
 ) -> pl.DataFrame:
@@ -118,29 +144,29 @@ def trajectory(
         Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
         wrench (at the tip, basis P, force first [N, N m]) and contact. Off the path, s and the plan are NaN.
     """
-    states = [row["state"] for row in log.rows]
-    on_path = np.array([row["index"] is not None for row in log.rows])
-    index = np.array([row["index"] or 0 for row in log.rows])
+    states = [entry["state"] for entry in log.rows]
+    row = np.array([entry["row"] for entry in log.rows], float)
+    first = np.nan_to_num(row).astype(int)
+    second = np.minimum(first + 1, len(motion.q) - 1)
     q = np.stack([state.q for state in states])
-    X_BP_plan = calibration.forward(motion.q) @ X_FP
 
     def planned(values: np.ndarray) -> np.ndarray:
-        flat = values.reshape(len(values), -1)[index]
-        return np.where(on_path[:, None], flat, np.nan)
+        flat = values.reshape(len(values), -1)
+        return flat[first] + (row - first)[:, None] * (flat[second] - flat[first])
 
     return pl.DataFrame(
         {
             "t": np.array([state.time for state in states]),
-            "phase": [row["phase"] for row in log.rows],
+            "phase": [str(entry["phase"]) for entry in log.rows],
             "s": planned(motion.s)[:, 0],
             "q": q,
             "qd": np.stack([state.qd for state in states]),
-            "target": np.stack([row["target"] for row in log.rows]),
+            "target": np.stack([entry["target"] for entry in log.rows]),
             "q_plan": planned(motion.q),
             "qd_plan": planned(motion.qd),
             "X_BP": (calibration.forward(q) @ X_FP).reshape(-1, 16),
-            "X_BP_plan": planned(X_BP_plan),
+            "X_BP_plan": planned(calibration.forward(motion.q) @ X_FP),
             "wrench": np.stack([state.wrench_P for state in states]),
-            "contact": [row["contact"] for row in log.rows],
+            "contact": [entry["contact"] for entry in log.rows],
         }
     )

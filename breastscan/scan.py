@@ -94,6 +94,10 @@ class ScanResult:
     """Wall time of each stage [s]."""
 
 
+Keep = Callable[[ScanMotion, MotionLog, BaseException], None]
+"""Saves what was measured before an error cut a scan off."""
+
+
 class Stages:
     """Times the stages by name, and tells a listener which one runs and how far it is."""
 
@@ -119,6 +123,7 @@ def scan(
     stages: Stages,
     clearances: Clearances | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
+    keep: Keep = lambda motion, log, error: None,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
 
@@ -130,6 +135,7 @@ def scan(
         stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
         on_plan: Shown the plan before the arm moves.
+        keep: Is given the plan, what was measured, and the error that cuts the execution off.
 
     Raises:
         CalibrationError: The rig has no hand-eye calibration.
@@ -143,8 +149,13 @@ def scan(
     reconstruction = perceive(images, rig, config, stages)
     plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
     on_plan(plan)
+    log = MotionLog()
     with stages.stage("execution") as progress:
-        log = execution.execute(robot, plan.motion, config.contact, config.safety, progress)
+        try:
+            execution.execute(robot, plan.motion, config.contact, config.safety, log=log, progress=progress)
+        except BaseException as error:
+            keep(plan.motion, log, error)
+            raise
     return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
 
 

@@ -4,12 +4,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from experiments import bench_camera, bench_motion, bench_stereo, bench_twin
+from experiments import bench_camera, bench_control, bench_motion, bench_stereo, bench_twin
 
 SECTIONS = {
     "Stereo": bench_stereo.rows,
     "Motion": bench_motion.rows,
     "Twin": bench_twin.rows,
+    "Control": bench_control.rows,
     "Cameras": bench_camera.rows,
 }
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from breastscan import metrics, record, report
+from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
 from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
@@ -81,7 +82,10 @@ def run(
         stages = Stages(listener)
         scene_config = seeded(scene_config, seed)
         scene, tissue = build_world(scene_config, stages)
-        measured = measure(scene, tissue, config, stages, estimated)
+        measured = measure(
+            scene, tissue, config, stages, estimated,
+            aborted=lambda table, error: keep_aborted(out, table, error, console),
+        )  # fmt: skip
         write(folder, measured, {"seed": seed, "video": video, "rig": rig, "scan": config, "scene": scene_config})
         if video:
             with stages.stage("video") as report_share:
@@ -120,20 +124,27 @@ def measure(
     stages: Stages,
     estimated: StereoRig | None = None,
     onlooker: Onlooker | None = None,
+    aborted: Callable[[pl.DataFrame, BaseException], None] = lambda table, error: None,
 ) -> Measured:
     """One scan of the twin, and its errors. The scan sees the images, the rig and the cell's shapes.
 
-    With an estimated rig, its errors are part of the surface's: points are compared in the robot's base.
+    With an estimated rig, its errors are part of the surface's: points are compared in the robot's base. Of a scan that
+    is cut off while the probe moves, `aborted` is given the trajectory so far and the error.
     """
     rig = estimated or scene.rig
     robot = SimRobot(scene, tissue)
     if onlooker is not None:
         onlooker.follow(robot)
+
+    def keep(motion: ScanMotion, log: MotionLog, error: BaseException) -> None:
+        if log.rows:
+            aborted(record.trajectory(log, motion, robot.X_FP, robot.calibration), error)
+
     with stages.stage("cameras"):
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
         on_plan = onlooker.planned if onlooker is not None else lambda plan: None
-        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False), on_plan)
+        result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False), on_plan, keep)
     table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
@@ -165,6 +176,12 @@ def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None
     record.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
     record.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
     measured.trajectory.write_parquet(folder / "trajectory.parquet")
+
+
+def keep_aborted(out: Path, table: pl.DataFrame, error: BaseException, console: Console) -> None:
+    """Save what was measured before a scan was cut off, and say where."""
+    folder = record.write_aborted(out, table, error)
+    console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
 
 
 def write_report(folder: Path, measured: Measured, stages: Stages) -> None:

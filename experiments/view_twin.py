@@ -68,7 +68,10 @@ def run(
     with LiveView(scene, live, config.contact.force) as view:
         with record.staged(out) as folder:
             stages = Stages(view.stage)
-            measured = scan_twin.measure(scene, tissue, config, stages, estimated, _Onlooker(view))
+            measured = scan_twin.measure(
+                scene, tissue, config, stages, estimated, _Onlooker(view),
+                aborted=lambda table, error: scan_twin.keep_aborted(out, table, error, console),
+            )  # fmt: skip
             settings = {"seed": seed, "video": False, "rig": rig, "scan": config, "scene": scene_config}
             scan_twin.write(folder, measured, settings)
             scan_twin.write_report(folder, measured, stages)

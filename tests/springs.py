@@ -8,13 +8,20 @@ from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 
+PERIOD = 0.008
+"""Control period [s]: the law runs at 125 Hz as at 500, and the tests are over sooner."""
+NOISE = 1e-4
+"""RMS noise of every channel of the sensor [N, N m]."""
 X_FP = se3.pose(np.eye(3), np.array([0.0, 0.0, 0.15]))
 
 
 class SpringRobot:
-    """Moves exactly as told, `late` periods later; a plane z = height in B pushes back with a stiffness [N/m]."""
+    """Moves exactly as told, `late` periods later; a plane z = height in B pushes back with a stiffness [N/m].
 
-    period = 0.002
+    Its sensor has a little noise, as any has: one that repeats itself counts as frozen.
+    """
+
+    period = PERIOD
 
     def __init__(self, q, height, stiffness=1000.0, late=0):
         self.q, self.height, self.stiffness = np.array(q, float), height, stiffness
@@ -22,9 +29,10 @@ class SpringRobot:
         self.X_FP, self.time, self.offset = X_FP, 0.0, np.zeros(6)
         self.servo_lag, self._waiting = late * self.period, deque([self.q] * late)
         self.qd, self.stopped, self.largest_force = np.zeros(6), False, 0.0
+        self._rng = np.random.default_rng(0)
 
     def state(self):
-        wrench_P = self._wrench() - self.offset
+        wrench_P = self._wrench() - self.offset + NOISE * self._rng.standard_normal(6)
         return RobotState(
             time=self.time, q=self.q.copy(), qd=self.qd.copy(), wrench_P=wrench_P, sample=round(self.time / self.period)
         )

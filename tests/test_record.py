@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from breastscan import record
-from breastscan.errors import ConfigError
+from breastscan.errors import ConfigError, SafetyError
 
 
 def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
@@ -78,3 +78,19 @@ def test_the_disparity_picture_is_black_exactly_where_nothing_is_known(tmp_path)
     picture = cv2.imread(str(tmp_path / "disparity.png"))
     np.testing.assert_array_equal((picture == 0).all(axis=2), np.isnan(disparity))
     assert not record.disparity_picture(np.full((4, 4), np.nan, np.float32)).any()
+
+
+def test_what_a_scan_measured_before_it_was_cut_off_lies_beside_the_earlier_results_until_the_next_good_scan(tmp_path):
+    with record.staged(tmp_path) as folder:
+        (folder / "metrics.json").write_text("first")
+    table = pl.DataFrame({"t": [0.0, 0.002, 0.004], "s": [np.nan, 0.010, 0.012]})
+    folder = record.write_aborted(tmp_path, table, SafetyError("contact force 10.2 N is above the limit", 10.2))
+    told = json.loads((folder / "abort.json").read_text())
+    assert (tmp_path / "metrics.json").read_text() == "first"
+    assert pl.read_parquet(folder / "trajectory.parquet").equals(table)
+    assert told["error"] == "SafetyError"
+    assert told["message"] == "contact force 10.2 N is above the limit"
+    assert told["path_reached_m"] == 0.012
+    with record.staged(tmp_path):
+        pass
+    assert not folder.exists()

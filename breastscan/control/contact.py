@@ -1,50 +1,55 @@
-"""Force along the probe axis, position across it: the selection S, S' of [Zhang, Sec. V-B.2, Fig. 23].
+"""From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig. 23].
 
-The force error becomes a *rate* of the tip along its own axis, because a position offset proportional to the error
-could not hold a set-point on an elastic surface without a standing error. Pure functions of
-(measurement, reference, memory) -> memory, so that the twin and the robot run the same code.
+The correction is a rate, from one of `control.laws`, bounded, and summed to a depth; `control.selection` joins it with
+the plan. Pure functions of (measurement, reference, memory) -> memory: the twin and the robot run the same code.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
+from breastscan.control.checks import require_positive
+from breastscan.control.filters import Filtered
+from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Reference, Seen
+from breastscan.control.phases import PhaseConfig
+from breastscan.control.servo_model import ServoModel
+from breastscan.control.surface import Surface, SurfaceConfig
+from breastscan.control.tilt import TiltConfig
 from breastscan.errors import ConfigError
+
+CONTACT_HZ = 10.0
+"""Corner of the low-pass on the force that decides whether there is contact [Hz]."""
+CONTACT_SIGMA = 3.0
+"""Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50 Hz."""
+NOISE_TIME = 0.5
+"""Time over which the sensor's noise is taken, in the air [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactConfig:
-    """How the probe meets the skin and keeps its force."""
+    """How the probe keeps its force on the skin."""
 
+    law: LawName = "observer"
+    """What turns the force error into a speed of the tip; `docs/control.md` compares them."""
     force: float = 5.0
     """Set-point of the contact force along the probe axis [N]."""
-    approach_speed: float = 0.01
-    """Speed towards the skin until contact [m/s]."""
-    search_depth: float = 0.015
-    """How far beyond the planned skin the approach looks for contact before it gives up [m]."""
     contact_force: float = 0.5
-    """Force that counts as contact [N]: ten sigma of an industrial six-axis sensor."""
-    damping: float = 60.0
-    """Force error per speed of correction, 1/gain of the admittance [N s/m]. With tissue of 1 kN/m this settles in
-    60 ms, twice the lag of a UR controller's servoj."""
-    rate_limit: float = 0.03
+    """Force that counts as contact [N]; more where the sensor is too noisy for it."""
+    rate_limit: float = 0.06
     """Bound of the correction's speed [m/s]."""
-    acceleration: float = 0.5
-    """Bound of its change, in approach and retreat as well [m/s^2]: from rest to `rate_limit` in 60 ms."""
-    depth_limit: float = 0.02
-    """Bound of the correction, in both directions from the planned skin [m]."""
-    filter_hz: float = 25.0
-    """Corner of the first-order low-pass on the measured force [Hz]."""
-    ramp_time: float = 0.5
-    """Time over which the set-point rises from first contact to its full value [s]."""
-    settle_time: float = 2.0
-    """Time from first contact to the start of the path [s]."""
-    retreat_speed: float = 0.03
-    """Speed away from the skin at the end [m/s]."""
+    acceleration: float = 1.0
+    """Bound of its change [m/s^2]: from rest to `rate_limit` in 60 ms, twice the servo's lag."""
+    depth_limit: float = 0.03
+    """Bound of the correction, in both directions from the planned skin [m]: planning error, breathing and
+    indentation together."""
+    phases: PhaseConfig = field(default_factory=PhaseConfig)
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
+    tilt: TiltConfig = field(default_factory=TiltConfig)
+    gains: LawGains = field(default_factory=LawGains)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"contact.{name} must be a positive number, not {value}", value)
+        require_positive(self, "contact")
+        if self.law not in LAWS:
+            raise ConfigError(f"contact.law must be one of {', '.join(LAWS)}, got {self.law!r}", self.law)
         if self.contact_force >= self.force:
             raise ConfigError(
                 f"contact.contact-force ({self.contact_force} N) must be below the set-point ({self.force} N)",
@@ -57,56 +62,109 @@ class ContactMemory:
     """What the controller carries from one period to the next."""
 
     depth: float
-    """Displacement of the tip along its axis from the planned skin, positive into the tissue [m]."""
-    rate: float = 0.0
+    """Commanded displacement of the tip along its axis from the planned skin, positive into the tissue [m]."""
+    rate: float
     """Speed of that displacement [m/s]."""
-    force: float = 0.0
-    """Filtered contact force, positive when pressing [N]."""
+    servo: ServoModel
+    """Where the servo has the tip by now."""
+    slow: Filtered
+    """The force that decides on contact."""
+    last: float
+    """The last measured force [N]."""
+    variance: float
+    """Of the sensor's noise, seen in the air [N^2]."""
+    surface: Surface | None
+    """What is believed about the skin; None before it was met."""
+    law: LawMemory
+
+    @staticmethod
+    def resting(depth: float, period: float) -> "ContactMemory":
+        """At rest in the air, `depth` [m] from the planned skin."""
+        servo = ServoModel.resting(depth, period)
+        return ContactMemory(depth, 0.0, servo, Filtered(), 0.0, 0.0, None, LawMemory(Filtered()))
+
+    @property
+    def noise(self) -> float:
+        """Of the force [N], RMS."""
+        return math.sqrt(self.variance)
 
 
-def filter_force(memory: ContactMemory, measured: float, config: ContactConfig, period: float) -> float:
-    """First-order low-pass of the measured force [N], exact for any period [s]."""
-    weight = 1.0 - math.exp(-2.0 * math.pi * config.filter_hz * period)
-    return memory.force + weight * (measured - memory.force)
+def touches(memory: ContactMemory, config: ContactConfig) -> bool:
+    """Whether the force says that the skin is there; a contact ends at half the force at which it begins."""
+    threshold = max(config.contact_force, CONTACT_SIGMA * memory.noise)
+    return memory.slow.force > (threshold if memory.surface is None else 0.5 * threshold)
 
 
-def advance(
-    memory: ContactMemory, measured: float, speed: float, config: ContactConfig, period: float
-) -> ContactMemory:
-    """Move along the axis at a given speed [m/s], whatever the force: approach and retreat.
+def sense(memory: ContactMemory, force: float, config: ContactConfig, period: float) -> ContactMemory:
+    """Take in a measured force [N], the servo being where its model has it.
 
-    The speed is reached at `config.acceleration`.
+    In the air the sensor's noise is learnt, from the differences of samples, in which a slow touch does not show; from
+    the first contact on, the skin.
     """
-    force = filter_force(memory, measured, config, period)
-    step = config.acceleration * period
+    slow, variance, surface = memory.slow.after(force, CONTACT_HZ, period), memory.variance, memory.surface
+    if surface is None:
+        variance += (0.5 * (force - memory.last) ** 2 - variance) * period / NOISE_TIME
+    else:
+        surface = surface.after(memory.servo.position, force, memory.noise, config.surface, period)
+    return ContactMemory(memory.depth, memory.rate, memory.servo, slow, force, variance, surface, memory.law)
+
+
+def meet(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
+    """Begin a contact: the skin is where the tip feels it."""
+    force = memory.slow.force
+    surface = Surface.met(memory.servo.position, force, config.surface)
+    return replace(memory, surface=surface, law=LawMemory(Filtered(force), memory.rate, memory.rate))
+
+
+def leave(memory: ContactMemory) -> ContactMemory:
+    """End a contact: what was believed about the skin is forgotten."""
+    return replace(memory, surface=None)
+
+
+def advance(memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float) -> ContactMemory:
+    """Move along the axis, whatever the force.
+
+    Args:
+        memory: State.
+        speed: Where to [m/s], reached at an `acceleration` [m/s^2].
+        acceleration: Bound of the speed's change.
+        lag: Of the servo [s].
+        period: Control period [s].
+    """
+    step = acceleration * period
     rate = min(max(speed, memory.rate - step), memory.rate + step)
-    return ContactMemory(memory.depth + rate * period, rate, force)
+    return _moved(memory, memory.depth + rate * period, rate, memory.law, lag, period)
 
 
 def regulate(
-    memory: ContactMemory, measured: float, set_point: float, config: ContactConfig, period: float
+    memory: ContactMemory, reference: Reference, config: ContactConfig, lag: float, period: float
 ) -> ContactMemory:
-    """One period of force control: the tip moves along its axis at (set-point - force) / damping.
+    """One period of force control, after `sense`.
 
     Args:
-        memory: State after the last period.
-        measured: Contact force along the probe axis, positive when pressing [N].
-        set_point: Force wanted now [N].
-        config: Gains and bounds.
+        memory: State, in contact.
+        reference: Force wanted now.
+        config: Law and bounds.
+        lag: Of the servo [s].
         period: Control period [s].
 
     Returns:
-        The state after this period; its depth stays inside `config.depth_limit` and is its own anti-windup.
+        The state after this period; its depth stays inside `config.depth_limit`.
     """
-    force = filter_force(memory, measured, config, period)
-    wanted = min(max((set_point - force) / config.damping, -config.rate_limit), config.rate_limit)
-    moved = advance(memory, measured, wanted, config, period)
-    if abs(moved.depth) <= config.depth_limit:
-        return moved
-    return ContactMemory(math.copysign(config.depth_limit, moved.depth), 0.0, force)
+    assert memory.surface is not None, "force control begins with `meet`"
+    seen = Seen(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
+    asked, law = LAWS[config.law](seen, reference, memory.law, config.gains.of(config.law))
+    step, limit = config.acceleration * period, config.rate_limit
+    rate = min(max(asked, memory.rate - step, -limit), memory.rate + step, limit)
+    depth = memory.depth + rate * period
+    if abs(depth) > config.depth_limit:
+        depth, rate = math.copysign(config.depth_limit, depth), 0.0
+    return _moved(memory, depth, rate, law, lag, period)
 
 
-def ramped_set_point(time_in_contact: float, config: ContactConfig) -> float:
-    """Set-point [N] at a time since first contact [s]: a straight ramp, which keeps the overshoot small."""
-    share = min(time_in_contact / config.ramp_time, 1.0)
-    return config.contact_force + share * (config.force - config.contact_force)
+def _moved(
+    memory: ContactMemory, depth: float, rate: float, law: LawMemory, lag: float, period: float
+) -> ContactMemory:
+    """The state after a period that ends with a commanded depth [m]."""
+    servo = memory.servo.after(depth, lag, period)
+    return ContactMemory(depth, rate, servo, memory.slow, memory.last, memory.variance, memory.surface, law)

@@ -1,50 +1,84 @@
+"""What the supervisor lets through of the commands."""
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from breastscan.control import safety
-from breastscan.control.safety import SafetyLimits
-from breastscan.errors import ConfigError, SafetyError
+from breastscan.control.safety import Command, SafetyLimits, Sent, Workspace
+from breastscan.errors import ConfigError
 
-LIMITS = SafetyLimits()
-
-
-def wrench(**parts):
-    values = dict.fromkeys(("fx", "fy", "fz", "tx", "ty", "tz"), 0.0) | parts
-    return np.array(list(values.values()))
+LIMITS, PERIOD = SafetyLimits(), 0.002
+WORKSPACE = Workspace(np.full(3, -1.0), np.full(3, 1.0))
+STEPS = arrays(float, 6, elements=st.floats(-0.1, 0.1))
 
 
-def test_a_wrench_inside_every_limit_passes():
-    safety.check_wrench(wrench(fz=-5.0, tx=0.1), LIMITS)
+def command(q, tip=(0.0, 0.0, 0.0), depth=0.0):
+    return Command(np.array(q, float), np.array(tip), depth)
+
+
+def let_through(wanted, before=None):
+    return safety.let_through(wanted, before or Sent.resting(np.zeros(6)), WORKSPACE, LIMITS, PERIOD)
+
+
+def test_a_command_inside_every_limit_passes_to_the_last_bit():
+    q = np.linspace(-1e-5, 1e-5, 6)
+    sent = let_through(command(q))
+    assert sent.fault is None
+    np.testing.assert_array_equal(sent.q, q)
+
+
+def test_a_command_that_asks_for_too_much_speed_is_shortened_and_names_the_joint():
+    before, q = Sent(np.zeros(6), np.full(6, 0.0019)), np.full(6, 0.0019)
+    q[3] = 0.0021  # 1.05 rad/s over 2 ms
+    sent = let_through(command(q), before)
+    assert "joint 4" in str(sent.fault)
+    assert "1.05 rad/s" in str(sent.fault)
+    assert sent.q[3] == pytest.approx(0.002)
+
+
+def test_a_command_that_is_not_finite_is_replaced_by_the_last_one():
+    before = Sent(np.ones(6), np.zeros(6))
+    sent = let_through(command(np.full(6, np.nan)), before)
+    assert "not finite" in str(sent.fault)
+    np.testing.assert_array_equal(sent.q, np.ones(6))
+
+
+@given(before=STEPS, wanted=STEPS)
+def test_whatever_is_asked_neither_speed_nor_acceleration_pass_their_limits(before, wanted):
+    before = np.clip(before, -LIMITS.joint_speed * PERIOD, LIMITS.joint_speed * PERIOD)
+    sent = let_through(command(wanted), Sent(np.zeros(6), before))
+    assert np.abs(sent.step).max() <= LIMITS.joint_speed * PERIOD * (1 + 1e-12)
+    assert np.abs(sent.step - before).max() <= LIMITS.joint_acceleration * PERIOD**2 * (1 + 1e-9)
+    np.testing.assert_allclose(sent.q, sent.step, atol=1e-15)
+    assert (sent.fault is None) == np.array_equal(sent.q, wanted)
 
 
 @pytest.mark.parametrize(
-    ("bad", "reason"),
-    [
-        (wrench(fz=-15.1), "15.1 N"),
-        (wrench(fx=11.0, fy=11.0), "force"),
-        (wrench(ty=3.5), "torque"),
-        (wrench(fz=np.nan), "not finite"),
-        (wrench(tz=np.inf), "not finite"),
-    ],
+    ("wanted", "why"),
+    [(command(np.zeros(6), tip=(0.0, 1.01, 0.0)), "workspace"), (command(np.zeros(6), depth=0.026), "26 mm beyond")],
 )
-def test_a_wrench_beyond_a_limit_is_refused_and_kept(bad, reason):
-    with pytest.raises(SafetyError, match=reason) as caught:
-        safety.check_wrench(bad, LIMITS)
-    assert caught.value.value is bad
+def test_a_tip_outside_its_workspace_or_too_deep_is_told(wanted, why):
+    assert why in str(let_through(wanted).fault)
 
 
-def test_a_command_that_asks_for_too_much_speed_names_the_joint():
-    before, after = np.zeros(6), np.zeros(6)
-    after[3] = 0.0021  # 1.05 rad/s over 2 ms
-    with pytest.raises(SafetyError, match="joint 4"):
-        safety.check_command(after, before, 0.002, LIMITS)
+@pytest.mark.parametrize(("offset", "why"), [(0.013, None), (-0.0145, "14 mm above"), (0.015, "15 mm below")])
+def test_skin_that_is_elsewhere_is_told(offset, why):
+    fault = safety.judge_skin(offset, 0.0, 0.0, LIMITS)
+    assert fault is None if why is None else why in str(fault)
 
 
-def test_a_command_that_is_not_finite_is_refused():
-    with pytest.raises(SafetyError, match="not finite"):
-        safety.check_command(np.full(6, np.nan), np.zeros(6), 0.002, LIMITS)
+@pytest.mark.parametrize(("speed", "duration", "passes"), [(0.02, 1.0, True), (-0.03, 0.09, True), (-0.03, 0.2, False)])
+def test_skin_that_keeps_moving_fast_is_told(speed, duration, passes):
+    hurry = 0.0
+    for _ in range(round(duration / PERIOD)):
+        hurry = safety.hurried(speed, hurry, LIMITS, PERIOD)
+    assert (safety.judge_skin(0.0, speed, hurry, LIMITS) is None) == passes
+    assert safety.hurried(0.0, hurry, LIMITS, PERIOD) == 0.0
 
 
 def test_limits_must_be_positive():
-    with pytest.raises(ConfigError, match="force"):
+    with pytest.raises(ConfigError, match=r"safety\.force must be"):
         SafetyLimits(force=0.0)

@@ -1,0 +1,214 @@
+"""The force laws, to choose from by name: how fast the tip is to move along its axis.
+
+Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the robot, at 500 or
+125 Hz. The command is a speed: as an offset of the pose, a law without an integral could not hold a force on an elastic
+body. What was sent in the end, after every limit, comes back in `Seen.rate`: no law winds up against a limit.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from breastscan.control.checks import require_positive
+from breastscan.control.filters import Filtered
+from breastscan.control.fuzzy import FuzzyGains
+from breastscan.control.surface import Surface
+
+LawName = Literal["observer", "pi-stiffness", "pi", "pd", "fuzzy-pd", "admittance"]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a law may know about this period."""
+
+    force: float
+    """Measured, positive when pressing [N]."""
+    depth: float
+    """The tip's commanded place along its axis, positive into the tissue [m]."""
+    rate: float
+    """The commanded speed that was sent in the last period [m/s]."""
+    surface: Surface
+    """What is believed about the skin."""
+    lag: float
+    """Time by which the tip follows its commands [s]."""
+    period: float
+    """[s]"""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The force that is wanted now."""
+
+    force: float
+    """[N]"""
+    change: float = 0.0
+    """[N/s]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdmittanceGains:
+    """A mass and a damper that the force error moves."""
+
+    mass: float = 2.0
+    """[kg]"""
+    damping: float = 100.0
+    """[N s/m]"""
+    filter_hz: float = 25.0
+    """Corner of the low-pass on the measured force [Hz]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "admittance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PdGains:
+    """Speed proportional to the force error and to its change."""
+
+    proportional: float = 0.010
+    """[m/s/N]"""
+    derivative: float = 1e-4
+    """[m/N]"""
+    filter_hz: float = 25.0
+    """Corner of the low-pass on the measured force [Hz]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "pd")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiGains:
+    """Speed proportional to the force error and to its integral."""
+
+    proportional: float = 0.010
+    """[m/s/N]"""
+    integral: float = 0.01
+    """[m/s^2/N]"""
+    filter_hz: float = 25.0
+    """Corner of the low-pass on the measured force [Hz]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "pi")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiStiffnessGains:
+    """The same law on the force error over the estimated stiffness: an error of indentation."""
+
+    proportional: float = 8.0
+    """[1/s]"""
+    integral: float = 8.0
+    """[1/s^2]"""
+    filter_hz: float = 25.0
+    """Corner of the low-pass on the measured force [Hz]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "pi-stiffness")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObserverGains:
+    """The tip goes where the skin will be once the servo has followed."""
+
+    closing_time: float = 0.08
+    """Time constant with which the tip closes up to there [s]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "observer")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawGains:
+    """The gains of every law."""
+
+    observer: ObserverGains = field(default_factory=ObserverGains)
+    pi_stiffness: PiStiffnessGains = field(default_factory=PiStiffnessGains)
+    pi: PiGains = field(default_factory=PiGains)
+    pd: PdGains = field(default_factory=PdGains)
+    fuzzy_pd: FuzzyGains = field(default_factory=FuzzyGains)
+    admittance: AdmittanceGains = field(default_factory=AdmittanceGains)
+
+    def of(self, law: str) -> object:
+        """Those of one law."""
+        return getattr(self, law.replace("-", "_"))
+
+
+@dataclass(frozen=True)
+class LawMemory:
+    """What a law carries from one period to the next; each uses what it needs."""
+
+    filtered: Filtered
+    integral: float = 0.0
+    """Of the error, as a speed [m/s]."""
+    asked: float = 0.0
+    """The speed that the law asked for in the last period [m/s]."""
+
+
+Law = Callable[[Seen, Reference, LawMemory, Any], tuple[float, LawMemory]]
+
+
+def admittance(seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains) -> tuple[float, LawMemory]:
+    """Mass * acceleration + damping * speed = force error."""
+    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    push = reference.force - filtered.force - gains.damping * seen.rate
+    return seen.rate + seen.period * push / gains.mass, LawMemory(filtered)
+
+
+def pd(seen: Seen, reference: Reference, memory: LawMemory, gains: PdGains) -> tuple[float, LawMemory]:
+    """Fixed gains on the force error and its change."""
+    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    error, change = reference.force - filtered.force, reference.change - filtered.change
+    return gains.proportional * error + gains.derivative * change, LawMemory(filtered)
+
+
+def fuzzy_pd(seen: Seen, reference: Reference, memory: LawMemory, gains: FuzzyGains) -> tuple[float, LawMemory]:
+    """PD whose gains follow the rules of `control.fuzzy` [Zhang, Sec. V-B.2]."""
+    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    error, change = reference.force - filtered.force, reference.change - filtered.change
+    proportional, derivative = gains.at(error, change)
+    return proportional * error + derivative * change, LawMemory(filtered)
+
+
+def pi(seen: Seen, reference: Reference, memory: LawMemory, gains: PiGains) -> tuple[float, LawMemory]:
+    """Fixed gains on the force error and its integral."""
+    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    error = reference.force - filtered.force
+    integral = _integrated(memory, gains.integral * error, seen)
+    asked = gains.proportional * error + integral
+    return asked, LawMemory(filtered, integral, asked)
+
+
+def pi_stiffness(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: PiStiffnessGains
+) -> tuple[float, LawMemory]:
+    """PI on the error of the indentation that the estimated stiffness makes of the force error."""
+    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    slope = seen.surface.slope(reference.force)
+    error = (reference.force - filtered.force) / slope
+    integral = _integrated(memory, gains.integral * error, seen)
+    asked = gains.proportional * error + integral + reference.change / slope
+    return asked, LawMemory(filtered, integral, asked)
+
+
+def observer(seen: Seen, reference: Reference, memory: LawMemory, gains: ObserverGains) -> tuple[float, LawMemory]:
+    """Follow the skin's estimated place and speed, predicted over the servo's lag, at the indentation of the force."""
+    surface = seen.surface
+    ahead = surface.position + surface.speed * seen.lag + surface.indentation(reference.force)
+    return surface.speed + (ahead - seen.depth) / gains.closing_time, memory
+
+
+LAWS: dict[str, Law] = {
+    "observer": observer,
+    "pi-stiffness": pi_stiffness,
+    "pi": pi,
+    "pd": pd,
+    "fuzzy-pd": fuzzy_pd,
+    "admittance": admittance,
+}
+
+
+def _integrated(memory: LawMemory, growth: float, seen: Seen) -> float:
+    """The integral [m/s] one period on; it stands still while a limit holds back what it asked for already."""
+    held_back = memory.asked - seen.rate
+    if held_back * growth > 0.0:
+        return memory.integral
+    return memory.integral + growth * seen.period

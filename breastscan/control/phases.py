@@ -1,0 +1,311 @@
+"""The phases of a scan as a state machine: what the probe does next, and why.
+
+    travel -> approach -> settle -> loop -> lift -> retreat -> done
+    loop -> search -> settle                                where contact was lost
+    loop -> halt -> lift -> retreat -> pause -> approach    where a pause is asked for
+    any -> escape -> done                                   where something is wrong
+
+Pure functions: (progress, situation) -> (progress, demand). The place on the path is a row of the plan, with a
+fraction; `feed` is the share of the planned speed at which it moves on, so that a halted scan goes on where it stood.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from breastscan.control.checks import require_positive
+from breastscan.control.laws import Reference
+from breastscan.errors import BreastScanError, RobotError, SafetyError
+
+
+class Phase(StrEnum):
+    """What the probe is doing; the names stand in the log."""
+
+    TRAVEL = "travel"
+    """Along the path in the air, to where the scan starts."""
+    APPROACH = "approach"
+    """Straight down the normal, until the skin is felt."""
+    SETTLE = "settle"
+    """At rest on the skin, until the force is there."""
+    LOOP = "loop"
+    """Along the path, in contact."""
+    SEARCH = "search"
+    """Contact was lost: slowly down the normal."""
+    HALT = "halt"
+    """Coming to rest on the path, in contact."""
+    LIFT = "lift"
+    """At rest, the force sinking."""
+    RETREAT = "retreat"
+    """Off the skin, up the normal."""
+    PAUSE = "pause"
+    """Clear of the skin, waiting to go on."""
+    ESCAPE = "emergency retreat"
+    """Off the skin, fast, whatever the sensor says."""
+    DONE = "done"
+
+
+PRESSING = frozenset({Phase.SETTLE, Phase.LOOP, Phase.HALT, Phase.LIFT})
+"""Phases under force control."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseConfig:
+    """How the probe comes to the skin and leaves it."""
+
+    approach_speed: float = 0.015
+    """Speed towards the skin until contact [m/s]; on a rigid phantom .003."""
+    window: float = 0.012
+    """How far before and beyond the planned skin the approach may meet it [m]."""
+    ramp_time: float = 0.35
+    """Time over which the set-point rises from first contact to its full value, and sinks at the end [s]."""
+    settle_time: float = 1.0
+    """Time from first contact to the start of the path [s]."""
+    feed_time: float = 0.5
+    """Time in which the path is brought up to its planned speed, and to rest [s]."""
+    search_speed: float = 0.01
+    """Speed down the normal after contact was lost [m/s]."""
+    search_depth: float = 0.005
+    """How deep that search goes [m]."""
+    retreat_speed: float = 0.03
+    """Speed away from the skin at the end [m/s]."""
+    escape_speed: float = 0.10
+    """The same after a fault [m/s]: faster than a person flinches towards the probe."""
+    escape_acceleration: float = 2.5
+    """Acceleration of that [m/s^2]: the speed is there after 40 ms, once the servo follows."""
+    escape_feed_time: float = 0.1
+    """Time in which the path is stopped then [s]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "phases")
+
+
+@dataclass(frozen=True)
+class Route:
+    """Which part of the plan is to be driven."""
+
+    last: int
+    """Last row of the plan."""
+    start: int = 0
+    """Row at which contact is made."""
+    in_air: bool = False
+    """Whether to travel the whole path clear of the skin, without contact."""
+    clearance: float = 0.03
+    """How far from the planned skin that is [m]."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the machine decides on."""
+
+    depth: float
+    """Of the tip beyond the planned skin, as commanded [m]."""
+    rate: float
+    """Speed of that [m/s]."""
+    force: float
+    """Low-passed contact force [N]."""
+    touching: bool
+    """Whether that is contact."""
+    pause: bool = False
+    """Whether a pause is asked for."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the scan stands."""
+
+    phase: Phase
+    clock: float = 0.0
+    """Time in this phase [s]."""
+    row: float = 0.0
+    """Place on the path, in rows of the plan."""
+    feed: float = 0.0
+    """Share of the planned speed along the path."""
+    entry: float = 0.0
+    """What the phase has to remember from its beginning: the force [N], or the depth [m]."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What the probe is to do in this period: move along its axis at a speed, or hold a force."""
+
+    speed: float = 0.0
+    """[m/s], where no force is held."""
+    reference: Reference | None = None
+    meets: bool = False
+    """Whether a contact begins."""
+    leaves: bool = False
+    """Whether it ends."""
+    fault: BreastScanError | None = None
+    """Why the scan must end."""
+
+
+Step = tuple[Progress, Demand]
+
+
+def step(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig, period: float) -> Step:
+    """One period [s] later.
+
+    Args:
+        progress: Where the scan stands.
+        now: What was sensed.
+        route: Which part of the plan is driven.
+        force: Set-point [N].
+        config: Speeds and times.
+        period: Control period [s].
+
+    Returns:
+        The new progress, and what to do in this period. A fault in it sends the caller to `escape`.
+    """
+    after, demand = _STEPS[progress.phase](progress, now, route, force, config)
+    feed = _feed(after, route, config, period)
+    row = min(after.row + feed, float(route.last))
+    return Progress(after.phase, after.clock + period, row, feed, after.entry), demand
+
+
+def escape(progress: Progress, felt: float) -> Progress:
+    """The way out of any phase; the skin was `felt` at that depth [m], 0 where it was not."""
+    return progress if progress.phase in (Phase.ESCAPE, Phase.DONE) else _enter(progress, Phase.ESCAPE, felt)
+
+
+def ramp(clock: float, start: float, end: float, duration: float) -> Reference:
+    """A force [N] on its smooth way from `start` to `end`, and its change, `clock` [s] after it set out."""
+    share = min(clock / duration, 1.0)
+    span = end - start
+    return Reference(start + span * share**2 * (3.0 - 2.0 * share), span * 6.0 * share * (1.0 - share) / duration)
+
+
+def _enter(progress: Progress, phase: Phase, entry: float = 0.0) -> Progress:
+    return replace(progress, phase=phase, clock=0.0, entry=entry)
+
+
+def _feed(progress: Progress, route: Route, config: PhaseConfig, period: float) -> float:
+    """The feed one period on: up where the path is to be travelled, down everywhere else."""
+    escaping = progress.phase is Phase.ESCAPE
+    change = period / (config.escape_feed_time if escaping else config.feed_time)
+    if progress.phase is Phase.TRAVEL:
+        braking_rows = 0.5 * progress.feed**2 / change
+        wanted = 1.0 if progress.row + braking_rows < _travel_end(route) else 0.0
+    else:
+        wanted = 1.0 if progress.phase is Phase.LOOP else 0.0
+    return min(max(wanted, progress.feed - change), progress.feed + change)
+
+
+def _travel_end(route: Route) -> int:
+    return route.last if route.in_air else route.start
+
+
+def _travel(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.touching:
+        why = "something was touched on the way through the air: is the path's surroundings clear?"
+        return progress, Demand(fault=SafetyError(why, now.force))
+    if progress.feed == 0.0 and progress.row >= _travel_end(route) - 1.0:
+        return _enter(progress, Phase.RETREAT if route.in_air else Phase.APPROACH), Demand()
+    return progress, Demand()
+
+
+def _approach(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.pause:
+        return _enter(progress, Phase.RETREAT), Demand()
+    if now.touching and now.depth < -config.window:
+        why = (
+            f"the skin was met {-now.depth * 1e3:.0f} mm before where it was planned, expected within "
+            f"{config.window * 1e3:.0f} mm: has the phantom moved since the pictures were taken?"
+        )
+        return progress, Demand(fault=SafetyError(why, now.depth))
+    if now.touching:
+        return _enter(progress, Phase.SETTLE, now.force), Demand(reference=Reference(now.force), meets=True)
+    if now.depth > config.window:
+        why = (
+            f"no contact within {config.window * 1e3:.0f} mm beyond the planned skin: is the phantom where the cameras "
+            "saw it, and is the sensor connected?"
+        )
+        return progress, Demand(fault=RobotError(why, now.depth))
+    return progress, Demand(speed=config.approach_speed)
+
+
+def _settle(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.pause:
+        return _enter(progress, Phase.LIFT, now.force), Demand(reference=Reference(now.force))
+    if not now.touching and progress.clock > config.ramp_time:
+        return _enter(progress, Phase.SEARCH, now.depth), Demand(speed=config.search_speed, leaves=True)
+    if progress.clock >= config.settle_time:
+        return _enter(progress, Phase.LOOP), Demand(reference=Reference(force))
+    return progress, Demand(reference=ramp(progress.clock, progress.entry, force, config.ramp_time))
+
+
+def _loop(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if not now.touching:
+        return _enter(progress, Phase.SEARCH, now.depth), Demand(speed=config.search_speed, leaves=True)
+    if progress.row >= route.last:
+        return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
+    if now.pause:
+        return _enter(progress, Phase.HALT), Demand(reference=Reference(force))
+    return progress, Demand(reference=Reference(force))
+
+
+def _search(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.touching:
+        return _enter(progress, Phase.SETTLE, now.force), Demand(reference=Reference(now.force), meets=True)
+    if now.depth - progress.entry > config.search_depth:
+        why = (
+            f"contact was lost and not found again within {config.search_depth * 1e3:.0f} mm along the normal: does "
+            "the plan leave the skin, or has the phantom moved?"
+        )
+        return progress, Demand(fault=RobotError(why, now.depth))
+    return progress, Demand(speed=config.search_speed)
+
+
+def _halt(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if progress.feed == 0.0:
+        return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
+    return progress, Demand(reference=Reference(force))
+
+
+def _lift(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if progress.clock >= config.ramp_time or not now.touching:
+        return _enter(progress, Phase.RETREAT, now.depth), Demand(leaves=True)
+    return progress, Demand(reference=ramp(progress.clock, progress.entry, 0.0, config.ramp_time))
+
+
+def _retreat(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.depth > _clear(progress, route):
+        return progress, Demand(speed=-config.retreat_speed)
+    if now.rate < 0.0:
+        return progress, Demand()
+    finished = route.in_air or progress.row >= route.last
+    return _enter(progress, Phase.DONE if finished else Phase.PAUSE), Demand()
+
+
+def _clear(progress: Progress, route: Route) -> float:
+    """Depth at which a retreat ends [m]: as far from the planned skin as from where the skin was felt."""
+    return min(progress.entry, 0.0) - route.clearance
+
+
+def _pause(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    return (progress if now.pause else _enter(progress, Phase.APPROACH)), Demand()
+
+
+def _escape(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    if now.depth > _clear(progress, route):
+        return progress, Demand(speed=-config.escape_speed)
+    at_rest = now.rate == 0.0 and progress.feed == 0.0
+    return (_enter(progress, Phase.DONE) if at_rest else progress), Demand()
+
+
+def _done(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+    return progress, Demand()
+
+
+_STEPS: dict[Phase, Callable[[Progress, Situation, Route, float, PhaseConfig], Step]] = {
+    Phase.TRAVEL: _travel,
+    Phase.APPROACH: _approach,
+    Phase.SETTLE: _settle,
+    Phase.LOOP: _loop,
+    Phase.SEARCH: _search,
+    Phase.HALT: _halt,
+    Phase.LIFT: _lift,
+    Phase.RETREAT: _retreat,
+    Phase.PAUSE: _pause,
+    Phase.ESCAPE: _escape,
+    Phase.DONE: _done,
+}

@@ -1,0 +1,34 @@
+"""Which directions the plan controls and which the force: S and S' of [Zhang, Fig. 23].
+
+In the probe's frame S' selects the probe axis; S = 1 - S' all the rest. The expected pose X_e is S of the planned one,
+with the probe turned about its tip as far as the wrench asks, and S' of what the force controller makes of the force
+error. That acts along the planned axis, so that a probe that turns does not leave the planned line.
+"""
+
+import math
+from typing import no_type_check
+
+import numba
+
+
+@numba.njit(cache=True)
+@no_type_check
+def corrected(X_BP, depth, rx, ry):
+    """The pose that is sent.
+
+    Args:
+        X_BP: Planned pose of the tip, (4, 4) [m].
+        depth: Along the planned axis [m].
+        rx: Turn of the probe about its own x, with the tip in place [rad].
+        ry: The same about its y then [rad].
+    """
+    cx, sx, cy, sy = math.cos(rx), math.sin(rx), math.cos(ry), math.sin(ry)
+    X_sent = X_BP.copy()
+    for i in range(3):
+        x, y, z = X_BP[i, 0], X_BP[i, 1], X_BP[i, 2]
+        across = cx * z - sx * y
+        X_sent[i, 0] = cy * x - sy * across
+        X_sent[i, 1] = cx * y + sx * z
+        X_sent[i, 2] = sy * x + cy * across
+        X_sent[i, 3] += depth * z
+    return X_sent

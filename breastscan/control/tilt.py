@@ -1,0 +1,141 @@
+"""Is the probe normal to the skin? The wrench says so, and the tilt is driven to zero within a bound.
+
+Skin without friction pushes along its own normal. A probe that is tilted about x therefore feels a force along y; one
+that is tilted about y, along the array, touches with another part of its convex face, so that the pressure's middle
+moves and a moment about y shows. Friction, which opposes the motion across the skin, spoils the first signal and not
+the second, for it passes through the tip. Its coefficient is learnt from what changes as the motion sets out, when the
+tilt does not.
+"""
+
+import math
+from dataclasses import dataclass
+
+from breastscan.control.checks import require_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltConfig:
+    """How the probe is turned towards the normal."""
+
+    force_gain: float = 0.9
+    """Share along y of the pressing force per tilt about x [1/rad]: 1 on skin much larger than the probe; measured on
+    the twin, as the next one."""
+    moment_gain: float = 0.031
+    """Moment about y over the pressing force per tilt about y [m/rad]: half of the face's radius of 60 mm."""
+    time_constant: float = 1.0
+    """Of the turn towards the normal [s]."""
+    filter_hz: float = 1.0
+    """Corner of the low-pass on both signals [Hz]."""
+    dead_band: float = math.radians(1.0)
+    """Tilt that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6 degrees."""
+    bound: float = math.radians(8.0)
+    """Largest correction about each axis [rad]."""
+    rate_limit: float = math.radians(3.0)
+    """Largest speed of it [rad/s]."""
+    least_force: float = 1.0
+    """Pressing force below which the wrench says nothing about the tilt [N]."""
+    largest_noise: float = 0.1
+    """Noise of the force beyond which the sensor is not believed [N]: an arm's built-in one has offsets of a newton
+    across the axis, which look like ten degrees."""
+    friction: float = 0.1
+    """Coefficient of friction to begin with [-]: gel has .05 to .2."""
+    friction_time: float = 1.0
+    """Time constant of the high-pass through which the friction is learnt [s]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "tilt")
+
+
+@dataclass(frozen=True)
+class TiltMemory:
+    """What the correction carries from one period to the next."""
+
+    rx: float = 0.0
+    """Turn of the probe about its own x, against the plan [rad]."""
+    ry: float = 0.0
+    """The same about y [rad]."""
+    fx: float = 0.0
+    """Low-passed force along x over the pressing force [-]."""
+    fy: float = 0.0
+    """The same along y [-]."""
+    my: float = 0.0
+    """Low-passed moment about y over the pressing force [m]."""
+    slow: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Slow part of fx, fy and of the direction of motion in x and y [-]."""
+    learnt: tuple[float, float] = (0.0, 0.0)
+    """What was learnt about the friction: correlation and weight [s]."""
+    moving: tuple[float, float] = (0.0, 0.0)
+    """Low-passed direction of motion across the axis, of length 1 in full motion [-]."""
+
+    def friction(self, config: TiltConfig) -> float:
+        """Coefficient of friction [-], as far as it is known."""
+        correlation, weight = self.learnt
+        prior = PRIOR_WEIGHT
+        return (prior * config.friction - correlation) / (prior + weight)
+
+    def tilt(self, config: TiltConfig) -> tuple[float, float]:
+        """The tilt about x and y that is left, as the wrench tells it [rad]."""
+        dragged = self.friction(config) * self.moving[1]
+        return -(self.fy + dragged) / config.force_gain, -self.my / config.moment_gain
+
+
+PRIOR_WEIGHT = 0.02
+"""Weight of the friction that is assumed, in seconds of full excitation."""
+CREEP = 2e-3
+"""Speed across the skin below which friction is not fully there [m/s]."""
+
+
+@dataclass(frozen=True)
+class Drag:
+    """What this period says about the tilt."""
+
+    wrench: tuple[float, float, float, float]
+    """Forces along x, y and z and moment about y, at the tip in P [N, N m]."""
+    velocity: tuple[float, float]
+    """Of the tip across the skin, along x and y of P [m/s]."""
+    noise: float
+    """Of the sensor's force [N]."""
+    period: float
+    """[s]"""
+
+
+def turn(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
+    """One period later; without contact, or with a sensor that is too noisy, the correction stays as it is."""
+    pressing = -now.wrench[2]
+    if pressing < config.least_force or now.noise > config.largest_noise:
+        return memory
+    fast = 1.0 - math.exp(-2.0 * math.pi * config.filter_hz * now.period)
+    fx = memory.fx + fast * (now.wrench[0] / pressing - memory.fx)
+    fy = memory.fy + fast * (now.wrench[1] / pressing - memory.fy)
+    my = memory.my + fast * (now.wrench[3] / pressing - memory.my)
+    vx, vy = now.velocity
+    speed = math.hypot(vx, vy, CREEP)
+    ux = memory.moving[0] + fast * (vx / speed - memory.moving[0])
+    uy = memory.moving[1] + fast * (vy / speed - memory.moving[1])
+    slow, learnt = _learnt((fx, fy, ux, uy), memory, config, now.period)
+    felt = TiltMemory(memory.rx, memory.ry, fx, fy, my, slow, learnt, (ux, uy))
+    about_x, about_y = felt.tilt(config)
+    rx = _towards_zero(memory.rx, about_x, config, now.period)
+    ry = _towards_zero(memory.ry, about_y, config, now.period)
+    return TiltMemory(rx, ry, fx, fy, my, slow, learnt, (ux, uy))
+
+
+def _learnt(
+    signals: tuple[float, float, float, float], memory: TiltMemory, config: TiltConfig, period: float
+) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
+    """Slow parts of the signals, and the friction's correlation and weight, one period on."""
+    weight = period / config.friction_time
+    sx, sy, svx, svy = (s + weight * (signal - s) for s, signal in zip(memory.slow, signals, strict=True))
+    hx, hy, hvx, hvy = signals[0] - sx, signals[1] - sy, signals[2] - svx, signals[3] - svy
+    correlation, known = memory.learnt
+    return (sx, sy, svx, svy), (
+        correlation + period * (hx * hvx + hy * hvy),
+        known + period * (hvx * hvx + hvy * hvy),
+    )
+
+
+def _towards_zero(correction: float, tilt: float, config: TiltConfig, period: float) -> float:
+    """The correction [rad] one period on, that takes what leaves the dead band of the tilt [rad] away."""
+    beyond = math.copysign(max(abs(tilt) - config.dead_band, 0.0), tilt)
+    rate = min(max(-beyond / config.time_constant, -config.rate_limit), config.rate_limit)
+    return min(max(correction + rate * period, -config.bound), config.bound)

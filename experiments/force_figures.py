@@ -1,0 +1,117 @@
+"""Figures of the study of force laws."""
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import scipy.signal
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.force_cell import Outcome
+from sim.servo import PERIOD
+
+SHOWN = ("nominal", "breathing, sine", "10 mm nearer", "inclusion")
+"""Circumstances whose forces are drawn."""
+SEGMENT = 1024
+"""Samples of a segment of the spectra: 2 s."""
+SCATTERED = {
+    "young": ("modulus [kPa]", 1e-3),
+    "force": ("set-point [N]", 1.0),
+    "speed": ("speed [mm/s]", 1e3),
+    "amplitude": ("breathing [mm]", 1e3),
+    "surface_error": ("surface error [mm]", 1e3),
+    "lag": ("servo lag [ms]", 1e3),
+}
+"""Factors of the hypercube that are drawn, with their unit's scale."""
+
+Rows = dict[str, dict[str, Outcome]]
+
+
+def write(folder: Path, factors: Rows, hypercube: list[Outcome]) -> dict[str, str]:
+    """Draw all; their names and captions."""
+    _draw_traces(folder / "force_traces.png", factors)
+    _draw_factors(folder / "force_factors.png", factors)
+    _draw_spectra(folder / "force_spectra.png", factors)
+    _draw_hypercube(folder / "force_hypercube.png", hypercube)
+    return {
+        "force_traces.png": "Force error over the loop",
+        "force_factors.png": "One factor at a time",
+        "force_spectra.png": "Spectra of the force error",
+        "force_hypercube.png": "All factors at once",
+    }
+
+
+def _draw_traces(path: Path, factors: Rows) -> None:
+    figure, axes = plt.subplots(len(SHOWN), 1, figsize=(10, 9), sharex=True, layout="constrained")
+    for axis, name in zip(axes, SHOWN, strict=True):
+        for law, outcome in factors[name].items():
+            axis.plot(1.0 + PERIOD * np.arange(len(outcome.trace)), outcome.trace, lw=0.9, label=law)
+        axis.set(title=name, ylabel="force error [N]")
+        axis.grid(alpha=0.3)
+    axes[0].legend(ncols=6, fontsize=8)
+    axes[-1].set_xlabel("time since the loop began [s]")
+    _save(figure, path)
+
+
+def _draw_factors(path: Path, factors: Rows) -> None:
+    figure, axis = plt.subplots(figsize=(9, 6), layout="constrained")
+    laws = list(next(iter(factors.values())))
+    places = np.arange(len(factors))
+    for number, law in enumerate(laws):
+        shift = 0.12 * (number - 0.5 * (len(laws) - 1))
+        outcomes = [by_law[law] for by_law in factors.values()]
+        axis.plot([o.rmse for o in outcomes], places + shift, "o", ms=5, label=law)
+    axis.set(yticks=places, yticklabels=list(factors), xscale="log", xlabel="RMS of the true force error [N]")
+    axis.set_xticks([0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["0.05", "0.1", "0.2", "0.5", "1", "2"])
+    axis.set_xlim(0.03, None)
+    axis.minorticks_off()
+    axis.invert_yaxis()
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+    _save(figure, path)
+
+
+def _draw_spectra(path: Path, factors: Rows) -> None:
+    figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrained")
+    for axis, name in zip(axes, SHOWN[:2], strict=True):
+        for law, outcome in factors[name].items():
+            if len(outcome.trace) >= SEGMENT:
+                _draw_spectrum(axis, law, outcome.trace)
+        axis.set(title=name, xlabel="frequency [Hz]")
+        axis.grid(alpha=0.3, which="both")
+    axes[0].set_ylabel("force error [N/√Hz]")
+    axes[0].legend(fontsize=8)
+    _save(figure, path)
+
+
+def _draw_spectrum(axis: Axes, law: str, trace: np.ndarray) -> None:
+    frequency, density = scipy.signal.welch(trace, fs=1.0 / PERIOD, nperseg=SEGMENT)
+    axis.loglog(frequency[1:], np.sqrt(density[1:]), lw=1.0, label=law)
+
+
+def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
+    figure, axes = plt.subplots(2, 3, figsize=(11, 6.5), sharey=True, layout="constrained")
+    for axis, (name, (label, scale)) in zip(axes.flat, SCATTERED.items(), strict=True):
+        for sensor in dict.fromkeys(o.cell.sensor for o in outcomes):
+            for inside, marker in ((True, "o"), (False, "x")):
+                shown = [o for o in outcomes if o.cell.sensor == sensor and o.inside == inside]
+                where = "" if inside else ", beyond 8 mm"
+                axis.plot(
+                    [scale * getattr(o.cell, name) for o in shown], [o.rmse for o in shown], marker, ms=4,
+                    label=f"{sensor}{where}", color={"ideal": "C0", "industrial": "C1", "ur5e_builtin": "C2"}[sensor],
+                )  # fmt: skip
+        axis.set(xlabel=label, yscale="log")
+        axis.grid(alpha=0.3, which="both")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("RMS force error [N]")
+    axes[0, 0].legend(fontsize=7)
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,122 @@
+"""The state machine by itself: what leads from phase to phase."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from breastscan.control import phases
+from breastscan.control.phases import Phase, PhaseConfig, Progress, Route, Situation
+from breastscan.errors import RobotError, SafetyError
+
+CONFIG, PERIOD, ROUTE = PhaseConfig(), 0.002, Route(1000)
+AIR = Situation(depth=-0.03, rate=0.0, force=0.0, touching=False)
+SKIN = Situation(depth=0.005, rate=0.0, force=5.0, touching=True)
+
+
+def step(progress, now, route=ROUTE):
+    return phases.step(progress, now, route, 5.0, CONFIG, PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("phase", "now", "row", "leads_to"),
+    [
+        (Phase.TRAVEL, AIR, 0.0, Phase.APPROACH),
+        (Phase.APPROACH, AIR, 0.0, Phase.APPROACH),
+        (Phase.APPROACH, SKIN, 0.0, Phase.SETTLE),
+        (Phase.LOOP, SKIN, 500.0, Phase.LOOP),
+        (Phase.LOOP, SKIN, 1000.0, Phase.LIFT),
+        (Phase.LOOP, AIR, 500.0, Phase.SEARCH),
+        (Phase.SEARCH, SKIN, 500.0, Phase.SETTLE),
+        (Phase.HALT, SKIN, 500.0, Phase.LIFT),
+        (Phase.RETREAT, AIR, 500.0, Phase.PAUSE),
+        (Phase.RETREAT, AIR, 1000.0, Phase.DONE),
+        (Phase.PAUSE, AIR, 500.0, Phase.APPROACH),
+        (Phase.ESCAPE, AIR, 500.0, Phase.DONE),
+        (Phase.DONE, AIR, 500.0, Phase.DONE),
+    ],
+)
+def test_each_phase_leads_where_it_should(phase, now, row, leads_to):
+    progress, demand = step(Progress(phase, row=row), now)
+    assert progress.phase is leads_to
+    assert demand.fault is None
+
+
+@pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.SETTLE, Phase.LOOP])
+def test_a_pause_leads_off_the_skin_from_every_phase_on_it(phase):
+    now = SKIN if phase is not Phase.APPROACH else AIR
+    progress = Progress(phase, row=500.0, feed=float(phase is Phase.LOOP))
+    seen = []
+    for _ in range(2000):
+        lifted = progress.phase in (Phase.RETREAT, Phase.PAUSE)
+        now = Situation(-0.03 if lifted else now.depth, 0.0, now.force, now.touching and not lifted, pause=True)
+        progress, _ = step(progress, now)
+        seen.append(progress.phase)
+    assert seen[-1] is Phase.PAUSE
+    assert progress.feed == 0.0
+    assert 500.0 <= progress.row <= 500.0 + 0.5 * CONFIG.feed_time / PERIOD + 1
+
+
+@pytest.mark.parametrize(
+    ("phase", "now", "error"),
+    [
+        (Phase.TRAVEL, SKIN, SafetyError),
+        (Phase.APPROACH, Situation(-0.013, 0.0, 1.0, True), SafetyError),
+        (Phase.APPROACH, Situation(0.013, 0.0, 0.0, False), RobotError),
+        (Phase.SEARCH, Situation(0.006, 0.0, 0.0, False), RobotError),
+    ],
+)
+def test_what_must_not_be_is_told(phase, now, error):
+    assert isinstance(step(Progress(phase), now)[1].fault, error)
+
+
+@given(phase=st.sampled_from(list(Phase)))
+def test_every_phase_leads_to_the_escape_which_stops_the_path_within_a_tenth_of_a_second(phase):
+    progress = phases.escape(Progress(phase, row=500.0, feed=1.0), SKIN.depth)
+    if phase is Phase.DONE:
+        assert progress.phase is Phase.DONE
+        return
+    for _ in range(round(CONFIG.escape_feed_time / PERIOD) + 1):
+        progress, demand = step(progress, SKIN)
+        assert demand.speed == -CONFIG.escape_speed
+    assert progress.feed == 0.0
+    assert progress.row < 500.0 + CONFIG.escape_feed_time / PERIOD
+
+
+@pytest.mark.parametrize(("entry", "ends_at"), [(0.005, -0.03), (-0.010, -0.04)])
+def test_a_retreat_goes_as_far_from_where_the_skin_was_as_from_where_it_was_planned(entry, ends_at):
+    for depth, speed in ((ends_at + 1e-4, -CONFIG.escape_speed), (ends_at - 1e-4, 0.0)):
+        now = Situation(depth, -0.1, 0.0, False)
+        assert step(phases.escape(Progress(Phase.LOOP), entry), now)[1].speed == speed
+
+
+def test_the_feed_rises_over_its_time_and_the_row_with_it():
+    progress = Progress(Phase.LOOP)
+    rows = []
+    for _ in range(500):
+        progress, _ = step(progress, SKIN)
+        rows.append(progress.row)
+    assert progress.feed == 1.0
+    assert rows[-1] == pytest.approx(500 - 0.5 * CONFIG.feed_time / PERIOD, abs=1)
+
+
+@pytest.mark.parametrize("start", [300, 301])
+def test_the_way_through_the_air_ends_at_the_row_where_the_scan_starts(start):
+    progress, route = Progress(Phase.TRAVEL), Route(1000, start)
+    for _ in range(3000):
+        progress, _ = step(progress, AIR, route)
+        if progress.phase is not Phase.TRAVEL:
+            break
+    assert progress.phase is Phase.APPROACH
+    assert progress.row == pytest.approx(start, abs=1.0)
+
+
+@given(clock=st.floats(0, 1), end=st.floats(0, 10))
+def test_a_ramp_stays_between_its_ends_and_its_change_is_its_derivative(clock, end):
+    now, later = phases.ramp(clock, 0.5, end, 0.35), phases.ramp(clock + 1e-6, 0.5, end, 0.35)
+    assert min(0.5, end) - 1e-12 <= now.force <= max(0.5, end) + 1e-12
+    assert (later.force - now.force) / 1e-6 == pytest.approx(now.change, abs=1e-3)
+
+
+def test_the_ramp_is_over_before_the_path_begins():
+    settled = Progress(Phase.SETTLE, clock=CONFIG.settle_time - PERIOD, entry=0.5)
+    assert step(settled, SKIN)[1].reference.force == 5.0
