@@ -66,7 +66,7 @@ class FullTissue:
         """Force on the probe in S [N], in equilibrium.
 
         Raises:
-            ArithmeticError: Newton's method does not converge.
+            ArithmeticError: Newton's method does not converge, or an element is turned inside out.
         """
         X_SP = np.ascontiguousarray(X_SP)
         residual, blocks, force_S = self._equations(self.displacement_S, X_SP)
@@ -83,6 +83,8 @@ class FullTissue:
                     break
                 share /= 2
                 if share < SHORTEST:  # a contact that jumps makes the residual rise once
+                    if not np.isfinite(trial).all():
+                        raise ArithmeticError("an element is turned inside out: go deeper in smaller steps")
                     break
             self.displacement_S = moved
             residual, blocks, force_S = trial, trial_blocks, trial_force_S

@@ -71,7 +71,7 @@ def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray])
         error.plot(depths_mm, 100 * press.error, ".-", color=colour, linewidth=1.6, label=name)
     for (name, values), style in zip(others.items(), ("--", ":", "-."), strict=False):
         force.plot(depths_mm, values, style, color=theme.MUTED, linewidth=1.3, label=name)
-    force.set(xlabel="indentation [mm]", ylabel="force along the probe [N]", ylim=(0, 12))
+    force.set(xlabel="indentation [mm]", ylabel="force along the probe [N]", ylim=(0, 10))
     force.legend(frameon=False, fontsize=8)
     theme.title(force, f"Lines: the soft phantom; dots: full elements, {1e3 * FINEST:.0f} mm, large strain")
     for depth_mm, bar in ((5, 5), (8, 10)):
@@ -86,7 +86,7 @@ def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray])
 def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
     figure, axes = theme.panels(1, 3, height_in=3.4)
     spectrum, inclusion, breath = axes[0]
-    for colour, spin, name in zip(COLOURS, (0.0, np.pi / 2), ("along the array", "across it"), strict=False):
+    for colour, spin, name in zip(COLOURS, (0.0, np.pi / 2), ("array along the way", "array across it"), strict=False):
         slide = slides[0.5, spin]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
         wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
@@ -97,8 +97,8 @@ def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tupl
     theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
     for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
         inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]")
-    inclusion.legend(frameon=False, fontsize=7.5)
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.12))
+    inclusion.legend(frameon=False, fontsize=8, loc="upper right")
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)
     for colour, waveform in zip(COLOURS, get_args(Waveform), strict=False):

@@ -2,7 +2,7 @@
 
 The finite elements' smooth remainder is interpolated, and the half-space's flexibility put back at the finer spacing.
 The force of a probe that slides then hardly ripples, and hardly depends on the finite elements' mesh: with 400 vertices
-on the skin it is within 2.5 % of 1600's.
+on the skin it is within 2.1 % of 1600's.
 """
 
 from dataclasses import dataclass

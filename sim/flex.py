@@ -8,8 +8,8 @@ do not see a flex's contacts, so the force is read from the contacts and given t
 What was tried with MuJoCo 4.0 at 500 Hz. Only the `discrete` integrator is stable. Full tetrahedra lock: with 300
 vertices on the skin they are 40 % too stiff at 2 mm and 30 % too soft at 8 mm, where the face slips between them.
 Quadratic cells diverge. Trilinear cells are stable; at a Poisson's ratio of .45 they lock, at .3 and equal stiffness
-under contact 10 x 10 x 5 of them come within 12 % from 4 mm on (38 % too stiff at 2 mm), at a ninth of
-real time. Layers are left out: a flex has one Young's modulus.
+under contact 10 x 10 x 5 of them are 12 to 15 % too stiff from 4 mm on (40 % at 2 mm), at a ninth of real time.
+Layers are left out: a flex has one Young's modulus.
 """
 
 import mujoco

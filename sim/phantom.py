@@ -59,7 +59,7 @@ class Phantom:
         """Draw the shape.
 
         Raises:
-            ConfigError: The skin would fold into itself, or the breast hang beside its base.
+            ConfigError: The skin would fold into itself, the breast hang beside its base, or its mass lie outside.
         """
         shape = SHAPES[config.breast]
         self.config = config
@@ -71,6 +71,13 @@ class Phantom:
         """Radius of the areola [m]."""
         self.numbers = _draw(config, self.radius, self.height)
         """The map's coefficients, for `dome`."""
+        mass_p_S = np.array(config.layers.mass_p_S)
+        if config.layers.mass_radius > 0 and not (self.level(mass_p_S[None])[0] < 0 <= mass_p_S[2]):
+            raise ConfigError(
+                f"the stiff mass at mass_p_S = {config.layers.mass_p_S} m lies outside of the breast, which is "
+                f"{self.height * 1e3:.0f} mm high and has a radius of {self.radius * 1e3:.0f} mm: move it inwards",
+                config.layers.mass_p_S,
+            )
 
     def embed(self, ball: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Points of the unit half-ball z >= 0 mapped into the phantom, in S [m]; |ball| = 1 is the skin."""

@@ -28,7 +28,7 @@ LEAST_NOISE = 0.3
 class FitConfig:
     """How the field is fitted to the images."""
 
-    smoothing: float = 10.0
+    smoothing: float = 7.0
     """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
     doubtful: float = 2.4
     """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up 5 % of what normal

@@ -125,6 +125,7 @@ def test_without_asymmetry_and_ptosis_the_base_is_an_ellipse_and_the_nipple_over
         ({"asymmetry": 12.0}, "folds"),
         ({"ptosis": 12.0}, "beside the base"),
         ({"projection": 0.2}, "too flat"),
+        ({"layers": LayerConfig(mass_radius=0.01, mass_p_S=(0.08, 0.0, 0.02))}, "outside"),
     ],
 )
 def test_impossible_phantoms_are_refused(wrong, why):
