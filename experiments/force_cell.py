@@ -15,7 +15,7 @@ from breastscan.control.laws import LawName
 from breastscan.control.phases import Phase
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
-from breastscan.execution import MotionLog, ScanMotion, execute
+from breastscan.execution import MotionLog, ScanMotion, execute, lifted_joints
 from breastscan.geometry import se3
 from breastscan.metrics import rms
 from breastscan.report.trajectory import Trajectory
@@ -156,7 +156,7 @@ def run(cell: Cell) -> Outcome:
     scene = Scene(_scene_config(cell))
     tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
-    robot, log, ended = LateRobot(scene, tissue, motion.q_home), MotionLog(), ""
+    robot, log, ended = LateRobot(scene, tissue, motion.q_approach), MotionLog(), ""
     config = ContactConfig(law=cell.law, force=cell.force)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where the tissue leaves its linear range is told apart
@@ -194,7 +194,8 @@ def _motion(cell: Cell, scene: Scene) -> ScanMotion:
     if cell.surface_error:
         depth = sections.ramp(part.s, cell.surface_error, start=RAMP_START, length=RAMP_LENGTH)
         part = sections.misplaced(part, scene.X_FP, depth)
-    return replace(part, q_home=part.q_approach)
+    q_above_end = lifted_joints(part, len(part.q) - 1, scene.X_FP, scene.calibration)
+    return replace(part, q_home=q_above_end)
 
 
 def _judged(cell: Cell, ended: str, table: pl.DataFrame) -> Outcome:

@@ -6,7 +6,7 @@ search (`experiments.tune_force`); the seeds here are others. `python -m experim
 make it shorter.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import cast, get_args
@@ -14,6 +14,7 @@ from typing import cast, get_args
 import joblib
 import numpy as np
 import tyro
+from rich.progress import track
 from scipy.stats import qmc
 
 from breastscan import record
@@ -149,8 +150,13 @@ def cells(points: int, seed: int, law: LawName) -> list[Cell]:
 
 
 def _parallel(jobs: int) -> Callable[[list[Cell]], list[Outcome]]:
-    workers = joblib.Parallel(n_jobs=jobs)
-    return lambda wanted: cast(list[Outcome], workers(joblib.delayed(force_cell.run)(cell) for cell in wanted))
+    workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
+
+    def outcomes(wanted: list[Cell]) -> list[Outcome]:
+        running = cast(Iterator[Outcome], workers(joblib.delayed(force_cell.run)(cell) for cell in wanted))
+        return list(track(running, "cells", total=len(wanted)))
+
+    return outcomes
 
 
 def _result(study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]) -> Result:

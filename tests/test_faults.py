@@ -14,6 +14,7 @@ from breastscan.errors import RobotError, SafetyError
 from breastscan.execution import MotionLog
 from breastscan.geometry import kinematics
 from experiments import sections
+from sim.printed import PrintedBreast
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue import SoftTissue
@@ -22,8 +23,13 @@ from sim.wrench_sensor import WrenchSensorConfig
 from tests.twin_path import arc_motion
 
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
+RIGID = replace(
+    CONFIG,
+    phases=replace(CONFIG.phases, approach_speed=0.003),
+    surface=replace(CONFIG.surface, stiffness=6000.0),
+)
 HIGHEST_FORCE = 15.0
-IN_APPROACH, IN_LOOP = 0.15, 1.6
+IN_APPROACH, IN_LOOP, ON_PRINT = 0.15, 1.6, 5.0
 """When faults set in [s]: half-way to the skin, and well under way along the path."""
 
 
@@ -99,14 +105,14 @@ def motion(twin):
     return arc_motion(scenes["ideal"], truth, length=0.02)
 
 
-def scan(twin, motion, *, sensor="industrial", tissue=None, **fault):
+def scan(twin, motion, *, sensor="industrial", tissue=None, config=CONFIG, **fault):
     """Run into a fault; its error, the robot, and the log."""
     scenes, soft, _ = twin
     soft.reset()
     simulated = SimRobot(scenes[sensor], tissue or soft, motion.q_home)
     robot, log = FaultyRobot(simulated, **fault), MotionLog()
     with pytest.raises((SafetyError, RobotError, KeyboardInterrupt)) as caught:
-        execution.execute(robot, motion, CONFIG, SafetyLimits(), log=log)
+        execution.execute(robot, motion, config, SafetyLimits(), log=log)
     return caught.value, robot, log
 
 
@@ -211,6 +217,36 @@ def test_skin_that_comes_15_mm_nearer_over_50_mm_of_path_ends_in_a_retreat(twin)
     error, robot, log = scan(twin, motion)
     assert_retreated(robot, log)
     assert "14 mm above where it was planned" in str(error)
+
+
+@pytest.fixture
+def rigid(twin):
+    scenes, _, _ = twin
+    return PrintedBreast(scenes["ideal"].phantom)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"see": frozen},
+        {"see": silent},
+        {"see": jumping(20.0)},
+        {"see": jumping(np.nan)},
+        {"late": 10},
+        {"interrupt": True},
+    ],
+)
+def test_on_a_rigid_print_faults_end_in_a_retreat_as_well(twin, motion, rigid, fault):
+    _, robot, log = scan(twin, motion, tissue=rigid, config=RIGID, since=ON_PRINT, **fault)
+    assert any(entry["phase"] == "loop" for entry in log.rows)
+    assert_retreated(robot, log)
+
+
+def test_a_rigid_print_that_was_taken_for_soft_is_left(twin, motion, rigid):
+    config = replace(CONFIG, phases=RIGID.phases)
+    error, robot, log = scan(twin, motion, tissue=rigid, config=config)
+    assert_retreated(robot, log)
+    assert "stiffer" in str(error) or "above the limit" in str(error)
 
 
 def _axis_B(scene, motion):

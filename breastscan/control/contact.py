@@ -20,6 +20,9 @@ CONTACT_HZ = 10.0
 """Corner of the low-pass on the force that decides whether there is contact [Hz]."""
 CONTACT_SIGMA = 3.0
 """Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50 Hz."""
+HASTE = 4.0
+"""Largest speed into the skin, where it is felt, over the approach's [-]: by default that is `rate_limit`. A body that
+is approached slowly because it is hard is pressed slowly too, whatever a law believes."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -91,7 +94,7 @@ class ContactMemory:
 
 def touches(memory: ContactMemory, config: ContactConfig) -> bool:
     """Whether the force says that the skin is there; a contact ends at half the force at which it begins."""
-    threshold = max(config.contact_force, CONTACT_SIGMA * memory.noise)
+    threshold = _threshold(memory, config)
     return memory.slow.force > (threshold if memory.surface is None else 0.5 * threshold)
 
 
@@ -155,11 +158,23 @@ def regulate(
     seen = Seen(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
     asked, law = LAWS[config.law](seen, reference, memory.law, config.gains.of(config.law))
     step, limit = config.acceleration * period, config.rate_limit
-    rate = min(max(asked, memory.rate - step, -limit), memory.rate + step, limit)
+    approach = config.phases.approach_speed
+    inward = min(HASTE * approach if _presses(memory, config) else approach, limit)
+    rate = max(min(max(asked, -limit), memory.rate + step, inward), memory.rate - step)
     depth = memory.depth + rate * period
     if abs(depth) > config.depth_limit:
         depth, rate = math.copysign(config.depth_limit, depth), 0.0
     return _moved(memory, depth, rate, law, lag, period)
+
+
+def _presses(memory: ContactMemory, config: ContactConfig) -> bool:
+    """Whether the skin is felt at this moment: where it is not, the tip must not come at it faster than at first."""
+    return memory.last > 0.5 * _threshold(memory, config) and touches(memory, config)
+
+
+def _threshold(memory: ContactMemory, config: ContactConfig) -> float:
+    """Force that counts as contact with this sensor [N]."""
+    return max(config.contact_force, CONTACT_SIGMA * memory.noise)
 
 
 def _moved(

@@ -63,9 +63,11 @@ class PhaseConfig:
     feed_time: float = 0.5
     """Time in which the path is brought up to its planned speed, and to rest [s]."""
     search_speed: float = 0.01
-    """Speed down the normal after contact was lost [m/s]."""
+    """Speed down the normal after contact was lost [m/s]; never above the approach's."""
     search_depth: float = 0.005
     """How deep that search goes [m]."""
+    losses: int = 5
+    """How often contact may be lost in one scan."""
     retreat_speed: float = 0.03
     """Speed away from the skin at the end [m/s]."""
     escape_speed: float = 0.10
@@ -122,6 +124,8 @@ class Progress:
     """Share of the planned speed along the path."""
     entry: float = 0.0
     """What the phase has to remember from its beginning: the force [N], or the depth [m]."""
+    lost: int = 0
+    """How often contact was lost so far."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +163,7 @@ def step(progress: Progress, now: Situation, route: Route, force: float, config:
     after, demand = _STEPS[progress.phase](progress, now, route, force, config)
     feed = _feed(after, route, config, period)
     row = min(after.row + feed, float(route.last))
-    return Progress(after.phase, after.clock + period, row, feed, after.entry), demand
+    return Progress(after.phase, after.clock + period, row, feed, after.entry, after.lost), demand
 
 
 def escape(progress: Progress, felt: float) -> Progress:
@@ -227,7 +231,7 @@ def _settle(progress: Progress, now: Situation, route: Route, force: float, conf
     if now.pause:
         return _enter(progress, Phase.LIFT, now.force), Demand(reference=Reference(now.force))
     if not now.touching and progress.clock > config.ramp_time:
-        return _enter(progress, Phase.SEARCH, now.depth), Demand(speed=config.search_speed, leaves=True)
+        return _lose(progress, now, config)
     if progress.clock >= config.settle_time:
         return _enter(progress, Phase.LOOP), Demand(reference=Reference(force))
     return progress, Demand(reference=ramp(progress.clock, progress.entry, force, config.ramp_time))
@@ -235,12 +239,28 @@ def _settle(progress: Progress, now: Situation, route: Route, force: float, conf
 
 def _loop(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
     if not now.touching:
-        return _enter(progress, Phase.SEARCH, now.depth), Demand(speed=config.search_speed, leaves=True)
+        return _lose(progress, now, config)
     if progress.row >= route.last:
         return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
     if now.pause:
         return _enter(progress, Phase.HALT), Demand(reference=Reference(force))
     return progress, Demand(reference=Reference(force))
+
+
+def _lose(progress: Progress, now: Situation, config: PhaseConfig) -> Step:
+    """Search where contact was lost, unless that happens all the time."""
+    if progress.lost >= config.losses:
+        why = (
+            f"contact was lost {progress.lost + 1} times: is the phantom much stiffer or softer than expected "
+            "(surface.stiffness), or does it shake?"
+        )
+        return progress, Demand(fault=RobotError(why, progress.lost + 1))
+    searching = replace(_enter(progress, Phase.SEARCH, now.depth), lost=progress.lost + 1)
+    return searching, Demand(speed=_search_speed(config), leaves=True)
+
+
+def _search_speed(config: PhaseConfig) -> float:
+    return min(config.search_speed, config.approach_speed)
 
 
 def _search(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
@@ -252,7 +272,7 @@ def _search(progress: Progress, now: Situation, route: Route, force: float, conf
             "the plan leave the skin, or has the phantom moved?"
         )
         return progress, Demand(fault=RobotError(why, now.depth))
-    return progress, Demand(speed=config.search_speed)
+    return progress, Demand(speed=_search_speed(config))
 
 
 def _halt(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from breastscan.control import contact
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.laws import LAWS, Reference
+from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
 from breastscan.errors import ConfigError
 
@@ -123,3 +124,27 @@ def test_a_setting_that_is_not_positive_is_refused_by_name(setting):
 def test_a_contact_threshold_above_the_set_point_is_refused():
     with pytest.raises(ConfigError, match="set-point"):
         ContactConfig(force=0.4)
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+def test_where_the_skin_is_not_felt_the_tip_comes_at_it_no_faster_than_at_first(law):
+    """The skin springs away: a law that believed to know it would follow with all the speed it is allowed."""
+    config = ContactConfig(law=law)
+    memory = contact.meet(contact.sense(ContactMemory.resting(0.0, PERIOD), 0.5, config, PERIOD), config)
+    rates = []
+    for _ in range(500):
+        memory = contact.sense(memory, 0.0, config, PERIOD)
+        memory = contact.regulate(memory, Reference(5.0), config, LAG, PERIOD)
+        rates.append(memory.rate)
+    assert max(rates) <= config.phases.approach_speed
+    assert rates[-1] > 0.0
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+def test_a_body_that_is_approached_slowly_is_pressed_slowly(law):
+    slow = ContactConfig(law=law, phases=PhaseConfig(approach_speed=0.003))
+    memory = contact.meet(contact.sense(ContactMemory.resting(0.0, PERIOD), 1.0, slow, PERIOD), slow)
+    for _ in range(200):
+        memory = contact.sense(memory, 1.0, slow, PERIOD)
+        memory = contact.regulate(memory, Reference(5.0), slow, LAG, PERIOD)
+        assert memory.rate <= 0.012

@@ -9,6 +9,7 @@ from breastscan.control.phases import Phase, PhaseConfig, Progress, Route, Situa
 from breastscan.errors import RobotError, SafetyError
 
 CONFIG, PERIOD, ROUTE = PhaseConfig(), 0.002, Route(1000)
+SKIN_NEAR = Situation(depth=0.0, rate=0.0, force=0.0, touching=False)
 AIR = Situation(depth=-0.03, rate=0.0, force=0.0, touching=False)
 SKIN = Situation(depth=0.005, rate=0.0, force=5.0, touching=True)
 
@@ -120,3 +121,26 @@ def test_a_ramp_stays_between_its_ends_and_its_change_is_its_derivative(clock, e
 def test_the_ramp_is_over_before_the_path_begins():
     settled = Progress(Phase.SETTLE, clock=CONFIG.settle_time - PERIOD, entry=0.5)
     assert step(settled, SKIN)[1].reference.force == 5.0
+
+
+def test_a_contact_that_is_lost_again_and_again_ends_the_scan():
+    progress, lost = Progress(Phase.LOOP, row=500.0), 0
+    while lost <= CONFIG.losses:
+        progress, demand = step(progress, AIR)
+        if demand.fault is not None:
+            break
+        lost += 1
+        assert progress.phase is Phase.SEARCH
+        progress, _ = step(progress, SKIN)
+        for _ in range(round(CONFIG.settle_time / PERIOD) + 2):
+            progress, _ = step(progress, SKIN)
+        assert progress.phase is Phase.LOOP
+    assert lost == CONFIG.losses
+    assert isinstance(demand.fault, RobotError)
+    assert "lost 6 times" in str(demand.fault)
+
+
+def test_lost_contact_is_searched_for_no_faster_than_the_skin_was_approached():
+    config = PhaseConfig(approach_speed=0.003)
+    _, demand = phases.step(Progress(Phase.SEARCH), SKIN_NEAR, ROUTE, 5.0, config, PERIOD)
+    assert demand.speed == 0.003

@@ -32,11 +32,12 @@ def scan(about_x=0.0, about_y=0.0, friction=0.1, heading=0.6, duration=8.0, nois
 
 
 @pytest.mark.parametrize("axis", ["about_x", "about_y"])
-@pytest.mark.parametrize("angle_deg", [-6.0, 6.0])
+@pytest.mark.parametrize("angle_deg", [-9.0, -6.0, 6.0, 9.0])
 def test_a_tilted_plan_is_turned_to_the_normal_but_for_the_dead_band(axis, angle_deg):
     memory = scan(**{axis: math.radians(angle_deg)}, noise=0.05)
     turned = memory.rx if axis == "about_x" else memory.ry
-    assert abs(math.radians(angle_deg) + turned) < CONFIG.dead_band + math.radians(0.4)
+    dead_band = CONFIG.force_dead_band if axis == "about_x" else CONFIG.moment_dead_band
+    assert abs(math.radians(angle_deg) + turned) < dead_band + math.radians(0.4)
     other = memory.ry if axis == "about_x" else memory.rx
     assert abs(other) < math.radians(0.5)
 
