@@ -97,7 +97,7 @@ def _slides(slides: dict[tuple[float, int], Slide], inclusions: dict[str, tuple[
     theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
     for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
         inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.12))
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.05))
     inclusion.legend(frameon=False, fontsize=8, loc="upper right")
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)
