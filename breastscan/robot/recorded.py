@@ -18,10 +18,12 @@ TOOL_SPREAD = 1e-5
 """Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the log's poses follow
 from its joint angles, so more means another kinematic calibration."""
 
-TOLERANCE = 3e-3
-"""Most by which a joint's target may differ from the recorded one [rad], about 2 mm at the tip. A recording does not
-answer, so a law that integrates what it feels drifts on it: 10 mm of contact scan, from a first state that differs by
-1e-7 rad, come to 2e-3 rad."""
+TOLERANCE = 1e-3
+"""Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A recording does not answer,
+so a law that integrates what it feels drifts on it: over 60 mm of contact by 2e-4 rad from a fitted lag that is 8e-6 s
+off, by 3e-8 rad from the right one."""
+CLOCK_DIGITS = 6
+"""Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by it is one off."""
 
 
 class RecordedRobot:
@@ -40,13 +42,19 @@ class RecordedRobot:
     """
 
     def __init__(
-        self, table: pl.DataFrame, calibration: KinematicCalibration | None = None, tolerance: float = TOLERANCE
+        self,
+        table: pl.DataFrame,
+        *,
+        calibration: KinematicCalibration | None = None,
+        servo_lag: float | None = None,
+        tolerance: float = TOLERANCE,
     ) -> None:
         """Stand before the first row.
 
         Args:
             table: A trajectory as `trajectory.parquet` holds it.
             calibration: The arm's kinematics in that run; None for the nominal ones.
+            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the recording.
             tolerance: Most by which a joint's target may differ from the recorded one [rad].
 
         Raises:
@@ -58,14 +66,18 @@ class RecordedRobot:
         self._target, self._wrench_P = columns["target"], columns["wrench"]
         self._calibration = KinematicCalibration.nominal() if calibration is None else calibration
         self._tolerance = tolerance
-        self._period = float(np.median(np.diff(self._time)))
+        self._period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
         self._X_FP = _tool(self._calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
-        self._servo_lag = _lag(self._q, self._target, self._period)
+        self._servo_lag = _lag(self._q, self._target, self._period) if servo_lag is None else servo_lag
         self._row = -1
 
     @staticmethod
     def load(
-        folder: Path, calibration: KinematicCalibration | None = None, tolerance: float = TOLERANCE
+        folder: Path,
+        *,
+        calibration: KinematicCalibration | None = None,
+        servo_lag: float | None = None,
+        tolerance: float = TOLERANCE,
     ) -> "RecordedRobot":
         """Play a run folder back; arguments as of the class.
 
@@ -79,7 +91,7 @@ class RecordedRobot:
             table = pl.read_parquet(path)
         except (pl.exceptions.PolarsError, OSError) as error:
             raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
-        return RecordedRobot(table, calibration, tolerance)
+        return RecordedRobot(table, calibration=calibration, servo_lag=servo_lag, tolerance=tolerance)
 
     @property
     def period(self) -> float:
@@ -98,7 +110,7 @@ class RecordedRobot:
 
     @property
     def servo_lag(self) -> float:
-        """Time by which the recorded joints trail their targets [s], fitted over the whole recording."""
+        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
         return self._servo_lag
 
     @property

@@ -85,7 +85,7 @@ class TestRecordedRobot(RobotContract):
             theta=np.full(6, 1e-3), d=np.zeros(6), a=np.zeros(6), alpha=np.zeros(6)
         )
         with pytest.raises(ConfigError, match="kinematic calibration"):
-            RecordedRobot(table, other)
+            RecordedRobot(table, calibration=other)
 
     @pytest.mark.parametrize(("change", "why"), [(slice(0, 1), "1 rows"), (slice(0, 0), "0 rows")])
     def test_a_recording_of_nothing_is_refused(self, table, change, why):
@@ -105,7 +105,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path):
 def scanned(scene, tmp_path_factory):
     """A short contact scan of the twin: the plan and the folder of its trajectory."""
     tissue = SoftTissue.build(scene.phantom)
-    motion = arc_motion(scene, Truth(scene.phantom, tissue), length=0.01)
+    motion = arc_motion(scene, Truth(scene.phantom, tissue), length=0.03)
     robot = SimRobot(scene, tissue, motion.q_home)
     log = execution.execute(robot, motion, FORCE, SafetyLimits())
     folder = tmp_path_factory.mktemp("run")
@@ -113,16 +113,21 @@ def scanned(scene, tmp_path_factory):
     return motion, folder
 
 
-def test_the_same_controller_runs_through_its_own_recording(scanned):
+def test_the_same_controller_runs_through_its_own_recording_to_a_micro_radian(scene, scanned):
+    """Nothing that matters to it is missing in the log."""
     motion, folder = scanned
-    robot, log = RecordedRobot.load(folder), MotionLog()
-    execution.execute(robot, motion, FORCE, SafetyLimits(), log=log)
-    assert robot.rows_left <= 10  # the state before the first command is not in the log, so the force differs a little
+    robot = RecordedRobot.load(folder, servo_lag=SimRobot(scene).servo_lag, tolerance=1e-6)
+    execution.execute(robot, motion, FORCE, SafetyLimits(), log=MotionLog())
+    assert robot.rows_left == 0
+
+
+def test_the_lag_is_fitted_to_a_tenth_of_a_millisecond(scene, scanned):
+    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(SimRobot(scene).servo_lag, abs=1e-4)
 
 
 def test_a_controller_with_another_set_point_parts_from_the_recording(scanned):
     motion, folder = scanned
     with pytest.raises(RobotError, match="the runs part at command"):
         execution.execute(
-            RecordedRobot.load(folder), motion, dataclasses.replace(FORCE, force=2.0), SafetyLimits(), log=MotionLog()
+            RecordedRobot.load(folder), motion, dataclasses.replace(FORCE, force=4.0), SafetyLimits(), log=MotionLog()
         )
