@@ -17,7 +17,6 @@ COLUMNS = {"t": 1, "q": 6, "qd": 6, "target": 6, "X_BP": 16, "wrench": 6}
 TOOL_SPREAD = 1e-5
 """Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the log's poses follow
 from its joint angles, so more means another kinematic calibration."""
-
 TOLERANCE = 1e-3
 """Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A recording does not answer,
 so a law that integrates what it feels drifts on it: over 60 mm of contact by 2e-4 rad from a fitted lag that is 8e-6 s
