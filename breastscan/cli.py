@@ -259,6 +259,25 @@ def _plan() -> Callable:
     return plan
 
 
+def _compare() -> Callable:
+    from breastscan import compare as module
+
+    def compare(
+        first: tyro.conf.Positional[Path], second: tyro.conf.Positional[Path], /, out: Out = Path("out/compare")
+    ) -> None:
+        """Say what one scan did otherwise than another, at equal path length over the loop.
+
+        Args:
+            first: Folder of a scan.
+            second: Folder of another scan of the same place; differences are this one minus the first.
+            out: Folder for compare.json and the figures joints.png, tip.png and force.png.
+        """
+        console.print(module.table(module.compare(first, second, out)))
+        console.print(f"Figures and compare.json in {out}", soft_wrap=True)
+
+    return compare
+
+
 def _study() -> Callable:
     os.environ.setdefault("MUJOCO_GL", "egl")
     from experiments import study_cameras, study_force, study_joints, study_phantom, study_twin, study_weights
@@ -343,6 +362,7 @@ COMMANDS = {
     "calibrate": Command("a pair of cameras, from shots of a chessboard", _calibrate),
     "handeye": Command("the cameras' place in the robot's base, from a board on the flange", _handeye),
     "plan": Command("points on disk to a trajectory and a program for a UR controller", _plan),
+    "compare": Command("two scans, at equal path length", _compare),
     "study": Command("one question about the twin, answered by figures and tables", _study),
     "twin": Command("the twin as a UR controller on the network, for any client of one", _twin),
     "doctor": Command("what works on this machine, and how to mend what does not", _doctor),

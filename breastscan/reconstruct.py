@@ -3,22 +3,20 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32
 
 from breastscan import record, scan
 from breastscan.cloud import filters, normals
 from breastscan.cloud.segment import Breast
 from breastscan.errors import NoBreastError, PerceptionError
+from breastscan.robot.grey import read_grey
 from breastscan.robot.interface import StereoPair
 from breastscan.scan import ScanConfig, Stages
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
-SIXTEEN_BIT_MAX = 65535.0
-JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 VIEW_POINTS = 100_000
 """Most points that a view without a breast is thinned to, along the rows and columns of the image."""
 VIEW_NEIGHBOURS = 15
@@ -85,32 +83,3 @@ def _whole_view(pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config
     points_L = points_L[filters.statistical_inliers(points_L, alpha=config.denoise_alpha)]
     normals_L = normals.estimate_normals(points_L, k=VIEW_NEIGHBOURS)
     return View(disparity=matched, breast=None, points_L=points_L, normals_L=normals_L)
-
-
-def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
-    """An image as 8-bit grey, whatever its depth and colours.
-
-    Raises:
-        PerceptionError: There is no such file, or it is not a whole image that OpenCV reads.
-    """
-    if not path.is_file():
-        raise PerceptionError(f"no image at {path}: expected a PNG, TIFF or JPEG file", path)
-    content = path.read_bytes()
-    image = None
-    if content and not _is_cut_jpeg(content):
-        encoded = np.frombuffer(content, np.uint8)
-        image = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
-    if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise PerceptionError(
-            f"{path} is not an image, or is damaged: expected a whole PNG, TIFF or JPEG file of 8 or 16 bit, got "
-            f"{len(content)} bytes: copy it again from the camera",
-            path,
-        )
-    if image.dtype == np.uint16:
-        image = cv2.convertScaleAbs(image, alpha=255.0 / SIXTEEN_BIT_MAX)
-    return image
-
-
-def _is_cut_jpeg(content: bytes) -> bool:
-    """Whether a JPEG file lacks its end; OpenCV would fill the missing rows with grey and not say so."""
-    return content.startswith(JPEG_START) and JPEG_END not in content[-64:]

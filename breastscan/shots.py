@@ -20,11 +20,10 @@ from jaxtyping import Float
 from breastscan import record
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.reconstruct import read_grey
+from breastscan.robot.grey import SUFFIXES, read_grey
 from breastscan.robot.interface import StereoPair
 from breastscan.vision.board import Board, BoardShot, find_shot
 
-SUFFIXES = (".png", ".tiff", ".tif", ".jpg", ".jpeg", ".bmp")
 POSES_FILE = "poses.csv"
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 

@@ -13,12 +13,12 @@ from breastscan.errors import RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from sim import divergence
 from sim.breathing import rise, rising_speed
 from sim.contact import Contact, Mechanics
 from sim.drives import Drives
-from sim.joint_motion import braking, trapezoid
 from sim.probe import payload
 from sim.scene import HOME_Q, Scene
 from sim.servo import PERIOD, ServoJ

@@ -58,7 +58,7 @@ def test_ctrl_c_ends_with_the_status_of_an_interrupt(capsys, monkeypatch):
     assert "Interrupted" in err
 
 
-@pytest.mark.parametrize("command", ["scan", "view", "reconstruct", "plan", "study", "doctor"])
+@pytest.mark.parametrize("command", ["scan", "view", "reconstruct", "plan", "compare", "study", "doctor"])
 def test_every_command_has_its_help(capsys, command):
     status, out, _ = run(capsys, command, "--help")
     assert status == 0

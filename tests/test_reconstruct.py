@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from breastscan.errors import PerceptionError
-from breastscan.reconstruct import read_grey, reconstruct
+from breastscan.reconstruct import reconstruct
+from breastscan.robot.grey import read_grey
 from breastscan.scan import ScanConfig
 from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.depth_edges import edge_pair

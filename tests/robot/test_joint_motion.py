@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sim.joint_motion import braking, trapezoid
+from breastscan.robot.joint_motion import braking, trapezoid
 
 PERIOD = 0.002
 ANGLES = arrays(float, 6, elements=st.floats(-1, 1))

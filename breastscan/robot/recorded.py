@@ -1,0 +1,201 @@
+"""A run folder played back as a robot: what a controller did once, held against what it does now."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from jaxtyping import Float
+
+from breastscan.errors import ConfigError, RobotError
+from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.robot.interface import RobotState
+
+LOG_FILE = "trajectory.parquet"
+COLUMNS = {"t": 1, "q": 6, "qd": 6, "target": 6, "X_BP": 16, "wrench": 6}
+"""What is read of the log, and how many numbers a row each holds."""
+TOOL_SPREAD = 1e-5
+"""Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the log's poses follow
+from its joint angles, so more means another kinematic calibration."""
+TOLERANCE = 1e-3
+"""Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A recording does not answer,
+so a law that integrates what it feels drifts on it: over 60 mm of contact by 2e-4 rad from a fitted lag that is 8e-6 s
+off, by 3e-8 rad from the right one."""
+CLOCK_DIGITS = 6
+"""Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by it is one off."""
+
+
+class RecordedRobot:
+    """Implements `breastscan.robot.interface.Robot` on the trajectory that a scan left, for the regression of
+    controllers.
+
+    Each `servo_joint` advances the recording by one of its rows, which `state` then shows. The recording cannot answer
+    a command that was not given at the time: a target further from the recorded one than the tolerance is refused, with
+    the place where the two runs part. Rows follow each other as commands did; where the log has a gap in time, so have
+    the states.
+
+    Free motions are not in the log. `move_joint` is taken as done and changes nothing: if it ends elsewhere than the
+    recorded one did, the next `servo_joint` tells. `tare` keeps the recorded zero, and `stop` rests at the present row.
+    The log does not hold the sensor's count, so every row counts as one sample; nor does it hold the state before the
+    first command, for which the first row stands in, a period earlier.
+    """
+
+    def __init__(
+        self,
+        table: pl.DataFrame,
+        *,
+        calibration: KinematicCalibration | None = None,
+        servo_lag: float | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        """Stand before the first row.
+
+        Args:
+            table: A trajectory as `trajectory.parquet` holds it.
+            calibration: The arm's kinematics in that run; None for the nominal ones.
+            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the recording.
+            tolerance: Most by which a joint's target may differ from the recorded one [rad].
+
+        Raises:
+            ConfigError: A column is missing or of another width, too few rows, or the kinematics are not those of the
+                recording.
+        """
+        columns = {name: _column(table, name, width) for name, width in COLUMNS.items()}
+        self._time, self._q, self._qd = columns["t"][:, 0], columns["q"], columns["qd"]
+        self._target, self._wrench_P = columns["target"], columns["wrench"]
+        self._calibration = KinematicCalibration.nominal() if calibration is None else calibration
+        self._tolerance = tolerance
+        self._period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
+        self._X_FP = _tool(self._calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
+        self._servo_lag = _lag(self._q, self._target, self._period) if servo_lag is None else servo_lag
+        self._row = -1
+
+    @staticmethod
+    def load(
+        folder: Path,
+        *,
+        calibration: KinematicCalibration | None = None,
+        servo_lag: float | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> "RecordedRobot":
+        """Play a run folder back; arguments as of the class.
+
+        Raises:
+            ConfigError: The folder holds no trajectory, or one that cannot be played.
+        """
+        path = folder / LOG_FILE
+        if not path.is_file():
+            raise ConfigError(f"no {LOG_FILE} in {folder}: expected the folder of a scan", folder)
+        try:
+            table = pl.read_parquet(path)
+        except (pl.exceptions.PolarsError, OSError) as error:
+            raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
+        return RecordedRobot(table, calibration=calibration, servo_lag=servo_lag, tolerance=tolerance)
+
+    @property
+    def period(self) -> float:
+        """Control period of the recording [s]."""
+        return self._period
+
+    @property
+    def X_FP(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the probe tip in the flange, as the recorded poses imply it."""
+        return self._X_FP
+
+    @property
+    def calibration(self) -> KinematicCalibration:
+        """The kinematics that the recording was opened with."""
+        return self._calibration
+
+    @property
+    def servo_lag(self) -> float:
+        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
+        return self._servo_lag
+
+    @property
+    def rows_left(self) -> int:
+        """Commands that the recording can still answer."""
+        return len(self._time) - 1 - self._row
+
+    def state(self) -> RobotState:
+        """The present row."""
+        row = max(self._row, 0)
+        return RobotState(
+            time=float(self._time[row]) - self._period * (self._row < 0),
+            q=self._q[row].copy(),
+            qd=self._qd[row].copy(),
+            wrench_P=self._wrench_P[row].copy(),
+            sample=self._row + 1,
+        )
+
+    def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
+        """Go on by one row.
+
+        Raises:
+            RobotError: The recording is at its end, or had another target here.
+        """
+        if not self.rows_left:
+            raise RobotError(
+                f"the recording ends after {len(self._time)} commands: the run that is replayed goes on for longer",
+                len(self._time),
+            )
+        row = self._row + 1
+        off = np.abs(q - self._target[row])
+        if not off.max() <= self._tolerance:
+            joint = int(np.argmax(off))
+            raise RobotError(
+                f"the runs part at command {row}, {self._time[row]:.3f} s: joint {joint} goes to {q[joint]:.5f} rad, "
+                f"the recorded one to {self._target[row, joint]:.5f} rad, more than {self._tolerance:g} rad apart: "
+                "look at both runs before this time",
+                q,
+            )
+        self._row = row
+
+    def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
+        """Take a free motion as done.
+
+        Raises:
+            RobotError: The target is not finite.
+        """
+        if not np.isfinite(q).all():
+            raise RobotError(f"joint targets must be finite, got {q}", q)
+
+    def tare(self) -> None:
+        """Keep the recorded zero."""
+
+    def stop(self) -> None:
+        """Rest at the present row."""
+
+
+def _column(table: pl.DataFrame, name: str, width: int) -> Float[np.ndarray, "n width"]:
+    """A column as floats, `width` a row."""
+    if name not in table.columns:
+        raise ConfigError(f"the recording lacks the column {name}: expected {', '.join(COLUMNS)}", name)
+    if len(table) < 2:
+        raise ConfigError(f"the recording holds {len(table)} rows, expected two or more", len(table))
+    values = table[name].to_numpy().astype(float)
+    if values.size != width * len(table):
+        raise ConfigError(f"column {name} of the recording should hold {width} numbers a row", values.shape)
+    if not np.isfinite(values).all():
+        raise ConfigError(f"column {name} of the recording holds a value that is not finite", name)
+    return values.reshape(len(table), width)
+
+
+def _tool(X_BF: Float[np.ndarray, "n 4 4"], X_BP: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "4 4"]:
+    """The pose of the tip in the flange that joins the two; the same in every row."""
+    X_FP = se3.inverse(X_BF) @ X_BP
+    spread = float(np.ptp(X_FP, axis=0).max())
+    if spread > TOOL_SPREAD:
+        raise ConfigError(
+            f"the recorded poses do not follow from the recorded angles (the tool moves by {spread:.1e} in the "
+            "flange): give the kinematic calibration with which the run was made",
+            spread,
+        )
+    return X_FP[0]
+
+
+def _lag(q: Float[np.ndarray, "n 6"], target: Float[np.ndarray, "n 6"], period: float) -> float:
+    """The time that, with the targets' speed, explains best how far the joints trail [s]; 0 where nothing moves."""
+    speed = np.gradient(target, period, axis=0)
+    moved = float(np.sum(speed**2))
+    return float(np.sum(speed * (target - q))) / moved if moved > 0 else 0.0

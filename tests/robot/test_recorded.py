@@ -1,0 +1,133 @@
+"""A recording answers what it was asked once, and says where another run parts from it."""
+
+import dataclasses
+
+import numpy as np
+import polars as pl
+import pytest
+
+from breastscan import execution, record
+from breastscan.control.contact import ContactConfig
+from breastscan.control.safety import SafetyLimits
+from breastscan.errors import ConfigError, RobotError
+from breastscan.execution import MotionLog
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.robot.recorded import COLUMNS, RecordedRobot
+from sim.robot import SimRobot
+from sim.scene import Scene
+from sim.tissue import SoftTissue
+from sim.truth import Truth
+from tests.robot.contract import RobotContract, send, stream
+from tests.twin_path import arc_motion
+
+FORCE = ContactConfig()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene()
+
+
+def table_of(robot, targets):
+    """The rows of a log that a recording is read from."""
+    states = send(robot, targets)
+    q = np.array([state.q for state in states])
+    return pl.DataFrame(
+        {
+            "t": [state.time for state in states],
+            "q": q,
+            "qd": np.array([state.qd for state in states]),
+            "target": targets,
+            "X_BP": (robot.calibration.forward(q) @ robot.X_FP).reshape(-1, 16),
+            "wrench": np.array([state.wrench_P for state in states]),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def table(scene):
+    robot = SimRobot(scene)
+    return table_of(robot, stream(RobotContract.Q_START, robot.period))
+
+
+class TestRecordedRobot(RobotContract):
+    PLAYS_BACK = True
+
+    @pytest.fixture
+    def robot(self, table):
+        return RecordedRobot(table)
+
+    def test_states_are_those_of_the_rows(self, robot, table):
+        states = send(robot, table["target"].to_numpy())
+        np.testing.assert_array_equal([state.q for state in states], table["q"].to_numpy())
+        np.testing.assert_array_equal([state.wrench_P for state in states], table["wrench"].to_numpy())
+        assert robot.rows_left == 0
+
+    def test_a_run_that_goes_on_for_longer_is_told_so(self, robot, table):
+        targets = table["target"].to_numpy()
+        send(robot, targets)
+        with pytest.raises(RobotError, match=f"ends after {len(targets)} commands"):
+            robot.servo_joint(targets[-1])
+
+    def test_the_place_where_the_runs_part_is_named_with_its_joint(self, robot, table):
+        targets = table["target"].to_numpy().copy()
+        targets[200:, 3] += 0.01
+        with pytest.raises(RobotError, match=r"part at command 200, 0\.40\d s: joint 3"):
+            send(robot, targets)
+
+    @pytest.mark.parametrize("name", COLUMNS)
+    def test_a_missing_column_is_named(self, table, name):
+        with pytest.raises(ConfigError, match=f"lacks the column {name}"):
+            RecordedRobot(table.drop(name))
+
+    def test_an_arm_of_other_kinematics_is_noticed(self, table):
+        other = KinematicCalibration.from_dh_corrections(
+            theta=np.full(6, 1e-3), d=np.zeros(6), a=np.zeros(6), alpha=np.zeros(6)
+        )
+        with pytest.raises(ConfigError, match="kinematic calibration"):
+            RecordedRobot(table, calibration=other)
+
+    @pytest.mark.parametrize(("change", "why"), [(slice(0, 1), "1 rows"), (slice(0, 0), "0 rows")])
+    def test_a_recording_of_nothing_is_refused(self, table, change, why):
+        with pytest.raises(ConfigError, match=why):
+            RecordedRobot(table[change])
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"no trajectory\.parquet"):
+        RecordedRobot.load(tmp_path)
+    (tmp_path / "trajectory.parquet").write_text("no table")
+    with pytest.raises(ConfigError, match="not a Parquet file"):
+        RecordedRobot.load(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def scanned(scene, tmp_path_factory):
+    """A short contact scan of the twin: the plan and the folder of its trajectory."""
+    tissue = SoftTissue.build(scene.phantom)
+    motion = arc_motion(scene, Truth(scene.phantom, tissue), length=0.03)
+    robot = SimRobot(scene, tissue, motion.q_home)
+    log = execution.execute(robot, motion, FORCE, SafetyLimits())
+    folder = tmp_path_factory.mktemp("run")
+    record.trajectory(log, motion, robot.X_FP, robot.calibration).write_parquet(folder / "trajectory.parquet")
+    return motion, folder
+
+
+def test_the_same_controller_runs_through_its_own_recording_to_a_micro_radian(scene, scanned):
+    """Nothing that matters to it is missing in the log."""
+    motion, folder = scanned
+    robot = RecordedRobot.load(folder, servo_lag=SimRobot(scene).servo_lag, tolerance=1e-6)
+    execution.execute(robot, motion, FORCE, SafetyLimits(), log=MotionLog())
+    assert robot.rows_left == 0
+
+
+def test_the_lag_is_fitted_to_a_tenth_of_a_millisecond(scene, scanned):
+    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(SimRobot(scene).servo_lag, abs=1e-4)
+
+
+def test_a_controller_with_another_set_point_parts_from_the_recording(scanned):
+    motion, folder = scanned
+    with pytest.raises(RobotError, match="the runs part at command"):
+        execution.execute(
+            RecordedRobot.load(folder), motion, dataclasses.replace(FORCE, force=4.0), SafetyLimits(), log=MotionLog()
+        )
