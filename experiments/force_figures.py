@@ -9,7 +9,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import scipy.signal
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from experiments.force_cell import Outcome
 from sim.servo import PERIOD
@@ -66,12 +68,10 @@ def _draw_factors(path: Path, factors: Rows) -> None:
         outcomes = [by_law[law] for by_law in factors.values()]
         axis.plot([o.rmse for o in outcomes], places + shift, "o", ms=5, label=law)
     axis.set(yticks=places, yticklabels=list(factors), xscale="log", xlabel="RMS of the true force error [N]")
-    axis.set_xticks([0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["0.05", "0.1", "0.2", "0.5", "1", "2"])
-    axis.set_xlim(0.03, None)
-    axis.minorticks_off()
+    _plain_ticks(axis.xaxis)
     axis.invert_yaxis()
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside right upper")
     _save(figure, path)
 
 
@@ -108,8 +108,16 @@ def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
         axis.grid(alpha=0.3, which="both")
     for axis in axes[:, 0]:
         axis.set_ylabel("RMS force error [N]")
-    axes[0, 0].legend(fontsize=7)
+        _plain_ticks(axis.yaxis)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
     _save(figure, path)
+
+
+def _plain_ticks(axis: Axis) -> None:
+    """Ticks of a logarithmic axis at round numbers, written out."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def _save(figure: Figure, path: Path) -> None:
