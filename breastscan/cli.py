@@ -340,6 +340,32 @@ def _study() -> Callable:
     return study
 
 
+def _twin() -> Callable:
+    with twin_imports():
+        from experiments import scan_twin
+        from sim.controller.config import ControllerConfig
+        from sim.controller.serve import serve
+        from sim.scene import SceneConfig
+
+    def twin(
+        out: Path | None = None,
+        seed: Seed = 0,
+        controller: ControllerConfig = ControllerConfig(),  # noqa: B008 (frozen)
+        scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
+    ) -> None:
+        """Serve the twin as a UR controller until Ctrl-C: RTDE, dashboard and script ports, in real time.
+
+        Args:
+            out: Folder for truth.parquet, what really happened.
+            seed: Of the phantom's shape and the sensor's noise, as `scan` takes it.
+            controller: What to pretend, and where.
+            scene: The world.
+        """
+        serve(scan_twin.seeded(scene, seed), controller, out, lambda text: console.print(text, soft_wrap=True))
+
+    return twin
+
+
 def _doctor() -> Callable:
     from breastscan import doctor as module
 
@@ -367,6 +393,7 @@ COMMANDS = {
     "plan": Command("points on disk to a trajectory and a program for a UR controller", _plan),
     "compare": Command("two scans, at equal path length", _compare),
     "study": Command("one question about the twin, answered by figures and tables", _study),
+    "twin": Command("the twin as a UR controller on the network, for any client of one", _twin),
     "doctor": Command("what works on this machine, and how to mend what does not", _doctor),
 }
 

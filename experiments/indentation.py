@@ -82,9 +82,10 @@ def against_full(phantom: Phantom, soft: SoftTissue, azimuth: float, depths: Flo
         full.append(-float(reference.press(X_SP) @ X_SP[:3, 2]))
         if full[-1] > SET_POINT > (full[-2] if len(full) > 1 else 0.0):
             at = float(np.interp(SET_POINT, full, depths[: len(full)]))
-            X_SP = pose(phantom, azimuth, at)
+            X_SP, deep_S = pose(phantom, azimuth, at), reference.displacement_S
             reference.press(X_SP)
             surface = _surfaces(phantom, soft, reference, X_SP)
+            reference.displacement_S = deep_S  # from the shallower place the next step would be too large
     forces = [axial_force(soft, pose(phantom, azimuth, depth)) for depth in depths]
     return Indentation(
         full=np.array(full), soft=np.array(forces), surface_rmse=surface[0], displacement_rmse=surface[1]

@@ -39,7 +39,7 @@ def write(
     folder: Path,
     presses: dict[str, Indentation],
     others: dict[str, np.ndarray],
-    slides: dict[tuple[float, float], Slide],
+    slides: dict[tuple[float, int], Slide],
     inclusions: dict[str, tuple[np.ndarray, np.ndarray]],
 ) -> list[str]:
     """Write all figures as PNG; their names, without the ending.
@@ -83,10 +83,10 @@ def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray])
     return figure
 
 
-def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
+def _slides(slides: dict[tuple[float, int], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
     figure, axes = theme.panels(1, 3, height_in=3.4)
     spectrum, inclusion, breath = axes[0]
-    for colour, spin, name in zip(COLOURS, (0.0, np.pi / 2), ("array along the way", "array across it"), strict=False):
+    for colour, spin, name in zip(COLOURS, (0, 90), ("array along the way", "array across it"), strict=False):
         slide = slides[0.5, spin]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
         wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
@@ -97,7 +97,7 @@ def _slides(slides: dict[tuple[float, float], Slide], inclusions: dict[str, tupl
     theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
     for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
         inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.12))
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.05))
     inclusion.legend(frameon=False, fontsize=8, loc="upper right")
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)

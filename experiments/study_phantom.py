@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from breastscan import record
+from breastscan import metrics, record
 from experiments import phantom_figures, tissue_cost
 from experiments.indentation import DEPTHS, FINEST, SET_POINT, Indentation, against_full, axial_force, pose
-from experiments.tissue_cost import FINER, LONGEST_RIPPLE, SLIDE_DEPTH, SLIDES, Build, Slide
+from experiments.tissue_cost import FINER, HEIGHTS, LONGEST_RIPPLE, SLIDE_DEPTH, SPINS_DEG, Build, Slide
 from sim.flex import FlexTissue
 from sim.layers import FAT_YOUNG, SKIN_YOUNG, LayerConfig
 from sim.phantom import Phantom
@@ -50,7 +50,8 @@ class Study:
     flex: np.ndarray
     """Force of MuJoCo's solid at `DEPTHS` in the first place [N]."""
     convergence: dict[int, np.ndarray]
-    slides: dict[tuple[float, float], Slide]
+    slides: dict[tuple[float, int], Slide]
+    """By height and spin."""
     builds: dict[str, Build]
 
 
@@ -69,7 +70,11 @@ def run(out: Path, *, seed: int) -> Study:
             layered=_over_the_mass(seed),
             flex=_flex_forces(phantom, PLACES[0][1]),
             convergence=tissue_cost.convergence(phantom, soft, DEPTHS[[1, 4, 7]]),
-            slides={(height, spin): tissue_cost.slide(phantom, soft, height, spin) for height, spin in SLIDES},
+            slides={
+                (height, spin): tissue_cost.slide(phantom, soft, height, np.radians(spin))
+                for height in HEIGHTS
+                for spin in SPINS_DEG
+            },
             builds=tissue_cost.builds(),
         )
         figures = phantom_figures.write(
@@ -121,7 +126,7 @@ def _summary(study: Study) -> dict[str, object]:
         "over_a_mass": _forces(study.layered, LAYERED_DEPTHS),
         "flex_n": study.flex.tolist(),
         "mesh_change_pct": {str(points): (100 * change).tolist() for points, change in study.convergence.items()},
-        "ripple_n": {f"height {height}, spin {spin:.2f}": s.ripple for (height, spin), s in study.slides.items()},
+        "ripple_n": {f"height {height}, spin {spin}°": s.ripple for (height, spin), s in study.slides.items()},
         "press_ms": 1e3 * float(np.mean([slide.press for slide in study.slides.values()])),
         "build": {name: {"cpu_s": b.cpu, "megabytes": b.megabytes} for name, b in study.builds.items()},
     }
@@ -159,13 +164,18 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
         f"\n## Slid around at {1e3 * SLIDE_DEPTH:.0f} mm: force, and ripple below {1e3 * LONGEST_RIPPLE:.0f} mm of "
         "wavelength\n"
     )
-    yield "| contour at | array | force, mean [N] | ripple, RMS [N] | CPU time of a press [ms] |"
-    yield "|---|---|---|---|---|"
-    for (height, spin), slide in study.slides.items():
+    yield "| contour at | force, mean [N] | array along the way [N RMS] | across it | worst spin | all spins |"
+    yield "|---|---|---|---|---|---|"
+    for height in HEIGHTS:
+        ripple = [study.slides[height, spin].ripple for spin in SPINS_DEG]
+        force = np.mean([study.slides[height, spin].force.mean() for spin in SPINS_DEG])
+        along, across = (study.slides[height, spin].ripple for spin in (0, 90))
         yield (
-            f"| {height:g} of the height | {'across the way' if spin else 'along it'} | {slide.force.mean():.2f} | "
-            f"{slide.ripple:.4f} | {1e3 * slide.press:.2f} |"
+            f"| {height:g} of the height | {force:.2f} | {along:.4f} | {across:.4f} | {max(ripple):.4f} at "
+            f"{SPINS_DEG[np.argmax(ripple)]}° | {metrics.rms(np.array(ripple)):.4f} |"
         )
+    press = np.mean([slide.press for slide in study.slides.values()])
+    yield f"\nA press takes {1e3 * press:.2f} ms of CPU time."
     yield "\n## Build\n"
     yield "| phantom | CPU time [s] | on disk, altogether [MB] |"
     yield "|---|---|---|"

@@ -25,8 +25,9 @@ CASES = {
 FINER = (800, 1600)
 """Finite-element vertices on the skin that the default is held against."""
 PLACES = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-SLIDES = ((0.3, 0.0), (0.5, 0.0), (0.7, 0.0), (0.3, np.pi / 2), (0.5, np.pi / 2), (0.7, np.pi / 2))
-"""Contours, over the breast's height, and spins of the probe in which it slides along them [rad]."""
+HEIGHTS, SPINS_DEG = (0.3, 0.5, 0.7), tuple(range(0, 180, 15))
+"""Contours, over the breast's height, and spins of the probe in which it slides along them: at 0 the array lies along
+the way, at 90 across it [deg]."""
 SLIDE_DEPTH = 0.006
 """About 5 N [m]."""
 SLIDE_STEP = 2.5e-4

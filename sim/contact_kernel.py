@@ -26,10 +26,12 @@ NEWTON_STEPS = 12
 
 @numba.njit(cache=True)
 @no_type_check
-def press_skin(face, X_SP, vertices_S, normals_S, flexibility, neighbours, weights, element_response_S, load):
+def press_skin(
+    face, X_SP, vertices_S, normals_S, flexibility, neighbours, weights, element_response_S, load, first, second
+):
     """The elastic force on the probe [N], its torque about P [N m], the contact's middle [m], depth [m] and vertices.
 
-    `load` holds the vertices' loads [N] of the last press, the first guess, and is overwritten with those of this one.
+    `load` is overwritten with the vertices' loads [N], `first` and `second` hold what is kept of the two solutions.
     Solved twice, because a load also moves the skin sideways, and then it meets another part of the face. The sideways
     motion changes so little in the second round that a third would move the force by less than .2 %.
     """
@@ -37,12 +39,12 @@ def press_skin(face, X_SP, vertices_S, normals_S, flexibility, neighbours, weigh
     gap = find_gaps(face, X_SP, vertices_S[index], normals_S[index])
     index, gap = index[gap != FAR], gap[gap != FAR]
     points_S, normals_S = vertices_S[index], normals_S[index]
-    force = solve_contact(flexibility, index, gap, load[index] > 0)
+    force = solve_contact(flexibility, index, gap, first)
     load[:] = 0.0
     if force.any():
         points_S += _sideways(normals_S, index, force, neighbours, weights, element_response_S)
         gap = find_gaps(face, X_SP, points_S, normals_S)
-        force = solve_contact(flexibility, index, gap, force > 0)
+        force = solve_contact(flexibility, index, gap, second)
         load[index] = force
     return _resultant(points_S, normals_S, gap, force, X_SP[:, 3])
 

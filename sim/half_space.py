@@ -5,8 +5,11 @@ inverse distance, too sharply for finite elements [Johnson]. What they add, by s
 a load they know nothing of it; there the remainder is a polynomial through its values all around.
 """
 
+import math
 from dataclasses import dataclass
+from typing import no_type_check
 
+import numba
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.distance import cdist
@@ -34,14 +37,27 @@ def softness(poisson: float) -> float:
     return (1 - poisson**2) / np.pi
 
 
-def disc_flexibility(points_S: Float[np.ndarray, "n 3"], areas: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n n"]:
-    """A half-space's flexibility for uniform loads on discs, over its softness [1/m]."""
-    moments = areas / (2 * np.pi)
-    distance = cdist(points_S, points_S)
-    np.fill_diagonal(distance, np.inf)
-    flexibility = _from_afar(distance, (moments[:, None] + moments) / 2)
-    np.fill_diagonal(flexibility, 2 * np.sqrt(np.pi / areas))
-    return flexibility
+@numba.njit(cache=True)
+@no_type_check
+def add_discs(flexibility, points_S, areas, softness):
+    """Add to `flexibility` [m/N] that of a half-space for uniform loads on discs, in place: it is large.
+
+    Args:
+        flexibility: Of every point for a load at every other, n x n.
+        points_S: Their middles, n x 3 [m].
+        areas: Of the discs, n [m^2].
+        softness: Of the half-space [m^2].
+    """
+    for i in range(len(areas)):
+        flexibility[i, i] += softness * 2 * math.sqrt(math.pi / areas[i])
+        for j in range(i):
+            squared = 0.0
+            for k in range(3):
+                squared += (points_S[i, k] - points_S[j, k]) ** 2
+            moment = (areas[i] + areas[j]) / (4 * math.pi)
+            value = softness * (1 + moment / (4 * squared)) / math.sqrt(squared)
+            flexibility[i, j] += value
+            flexibility[j, i] = flexibility[i, j]  # exactly, whatever rounding made of the sum that came in
 
 
 def smooth_remainder(
@@ -89,8 +105,6 @@ def _continued(
     return (terms @ coefficients)[:, :, 0]
 
 
-def _from_afar(
-    distance: Float[np.ndarray, "n n"], moments: Float[np.ndarray, "n n"] | Float[np.ndarray, "n"]
-) -> Float[np.ndarray, "n n"]:
+def _from_afar(distance: Float[np.ndarray, "n n"], moments: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n n"]:
     """Boussinesq's 1/r [1/m] for loads spread about their centres with second `moments` [m^2]."""
     return (1 + moments / (4 * distance**2)) / distance

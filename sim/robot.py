@@ -124,6 +124,10 @@ class SimRobot:
         """Call `after_period` at the end of every period; no simulated time passes while it runs."""
         self._after_period = after_period
 
+    def limit_truth(self, periods: int) -> None:
+        """Keep the truth of the latest so many periods, for a robot that runs for hours."""
+        self._truth.limit(periods)
+
     def truth_log(self) -> TruthLog:
         """What really happened so far, one row a period."""
         return self._truth.log()
@@ -134,7 +138,7 @@ class SimRobot:
         Raises:
             RobotError: The target is not finite, outside the joint limits, or too far from the previous one.
         """
-        self._check_target(q)
+        self.check_target(q)
         jump = np.abs(q - self._target).max() / PERIOD
         if jump > SPEED_TOLERANCE * SPEED_LIMIT:
             raise RobotError(
@@ -142,7 +146,7 @@ class SimRobot:
                 "rad/s at most: move there with move_joint first",
                 q,
             )
-        self._follow(q)
+        self.follow(q)
 
     def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
         """Move to `q` [rad] on a straight line in joint space and wait until there.
@@ -150,7 +154,7 @@ class SimRobot:
         Raises:
             RobotError: The target is out of reach, speed or acceleration are not positive, or the arm does not arrive.
         """
-        self._check_target(q)
+        self.check_target(q)
         if not (0 < speed <= SPEED_LIMIT and acceleration > 0):
             raise RobotError(
                 f"move_joint needs a speed in 0 .. {SPEED_LIMIT:.2f} rad/s and a positive acceleration, got {speed} "
@@ -159,18 +163,33 @@ class SimRobot:
             )
         self._brake()
         for target in trapezoid(self._servo.q_end, q, speed, acceleration, PERIOD):
-            self._go(target)
+            self.go(target)
         self._settle()
 
     def tare(self) -> None:
         """Hold still for `TARE_TIME` and take the mean wrench as zero."""
         wrenches = []
         for _ in range(round(TARE_TIME / PERIOD)):
-            self._follow(self._target)
+            self.follow(self._target)
             wrenches.append(self._sample.wrench_P)
         zero_P = np.mean(wrenches, axis=0)
         self._sensor.tare(zero_P)
         self._sample = replace(self._sample, wrench_P=self._sample.wrench_P - zero_P)
+
+    def zero_wrench(self) -> None:
+        """Take the latest sample's wrench as zero, noise and all, as the controller's own function does."""
+        self._sensor.tare(self._sample.wrench_P)
+        self._sample = replace(self._sample, wrench_P=np.zeros(6))
+
+    def drive_torques(self) -> Float[np.ndarray, "6"]:
+        """What the drives do to the joints, without what holds the arm's weight [N m]."""
+        return self._data.qfrc_actuator[self._dofs].copy()
+
+    def mass_matrix(self) -> Float[np.ndarray, "6 6"]:
+        """Of the arm as it stands [kg m^2]."""
+        full = np.empty((self._model.nv, self._model.nv))
+        mujoco.mj_fullM(self._model, self._data, full)
+        return full[self._dofs, self._dofs]
 
     def reading_F(self) -> Float[np.ndarray, "6"]:
         """The wrist sensor's last reading, the tool's weight and all, force first, at its measuring point [N, N m]."""
@@ -179,6 +198,20 @@ class SimRobot:
     def set_payload(self, payload: Payload) -> None:
         """Tell the wrist sensor what hangs on it. It starts with the tool's own numbers."""
         self._sensor.set_payload(payload)
+
+    @property
+    def course(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """Where the controller has the joints as the latest period ends [rad], and how fast they move there [rad/s]."""
+        return self._servo.q_end, self._servo.qd
+
+    @property
+    def course_change(self) -> Float[np.ndarray, "6"]:
+        """Acceleration that the controller wants of the joints [rad/s^2]."""
+        return self._servo.qdd
+
+    def tune_servo(self, lookahead_time: float, gain: float) -> None:
+        """Give servoj these settings from the next period on: [s], [1/s^2]."""
+        self._servo.config = replace(self._servo.config, lookahead_time=lookahead_time, gain=gain)
 
     def stop(self) -> None:
         """Brake along the present course and stay there."""
@@ -190,7 +223,8 @@ class SimRobot:
         skin_S = None if self._tissue is None else self._tissue.deformed_skin()
         return self._sample.q, skin_S, self._sample.time
 
-    def _check_target(self, q: Float[np.ndarray, "6"]) -> None:
+    def check_target(self, q: Float[np.ndarray, "6"]) -> None:
+        """Raise a `RobotError` unless `q` [rad] is finite and inside the joints' limits."""
         if not np.abs(q).max() <= ANGLE_LIMIT:
             raise RobotError(
                 f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
@@ -198,13 +232,13 @@ class SimRobot:
 
     def _brake(self) -> None:
         for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):
-            self._go(q)
+            self.go(q)
 
     def _settle(self) -> None:
         """Hold the joints' place until they are there."""
         error = np.inf
         for _ in range(round(SETTLE_TIME / PERIOD)):
-            self._go(self._servo.q_end)
+            self.go(self._servo.q_end)
             error = np.abs(self._sample.q - self._servo.q).max()
             if error < ARRIVED:
                 return
@@ -212,14 +246,14 @@ class SimRobot:
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
 
-    def _follow(self, target: Float[np.ndarray, "6"]) -> None:
-        """One period of servoj towards `target` [rad]."""
+    def follow(self, target: Float[np.ndarray, "6"]) -> None:
+        """One period of servoj towards `target` [rad], unchecked."""
         self._target = target.copy()
         self._servo.follow(target)
         self._advance()
 
-    def _go(self, q: Float[np.ndarray, "6"]) -> None:
-        """One period of a motion of the controller's own, to `q` [rad]."""
+    def go(self, q: Float[np.ndarray, "6"]) -> None:
+        """One period of a motion of the controller's own, to `q` [rad], unchecked."""
         self._target = q.copy()
         self._servo.go(q)
         self._advance()

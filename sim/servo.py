@@ -76,7 +76,8 @@ class ServoJ:
 
     def __init__(self, config: ServoConfig, q: Float[np.ndarray, "6"]) -> None:
         """Start at rest at `q` [rad]."""
-        self._config = config
+        self.config = config
+        """How it follows; another lookahead time or gain counts from the next period on."""
         self.q = np.array(q, float)
         """Where the joints are to be as the period begins [rad]."""
         self.qd = np.zeros(6)
@@ -92,12 +93,12 @@ class ServoJ:
 
     def follow(self, target: Float[np.ndarray, "6"]) -> None:
         """A period of servoj, in which `target` [rad] is sent."""
-        if not self._config.lag:
+        if not self.config.lag:
             self.go(target)
             return
         self._waiting.append(target.copy())
         self.q, self.qd, self.qdd = _servoj(
-            self.q, self.qd, self._waiting.popleft(), self._config.lookahead_time, self._config.gain
+            self.q, self.qd, self._waiting.popleft(), self.config.lookahead_time, self.config.gain
         )
 
     def go(self, q: Float[np.ndarray, "6"]) -> None:
@@ -108,7 +109,7 @@ class ServoJ:
         self._forget_waiting()
 
     def _forget_waiting(self) -> None:
-        self._waiting = deque([self.q_end] * self._config.delay_periods)
+        self._waiting = deque([self.q_end] * self.config.delay_periods)
 
 
 @numba.njit(cache=True)

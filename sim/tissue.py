@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse
 from jaxtyping import Float
 
+from sim.complementarity import Solved
 from sim.compliance import SkinCompliance
 from sim.compliance_cache import cached_compliance
 from sim.contact import Contact, ContactPatch, with_motion
@@ -24,6 +25,8 @@ from sim.probe_face import ProbeFace
 
 SKIN_POINTS = 400
 """Vertices of the finite elements on the skin: 9 mm apart. Twice as many change the force by 1.2 % at the most."""
+MOST_TOUCHING = 512
+"""Contact points that the probe may touch: several times what it can cover."""
 LINEAR_LIMIT = 0.008
 """Indentation to which linear elasticity was validated [m]."""
 DAMPING = 3.0
@@ -41,6 +44,7 @@ class SoftTissue:
         self._element_response_S = np.ascontiguousarray(compliance.response_S.transpose(1, 0, 2))
         self._load = np.zeros(len(self._surface.vertices_S))
         """Inward force on each contact point over Young's modulus [m^2]."""
+        self._solved = _unsolved(len(self._load))
         self._warned = False
 
     @staticmethod
@@ -61,7 +65,7 @@ class SoftTissue:
         X_SP, surface = np.ascontiguousarray(X_SP), self._surface  # one memory layout, one compiled kernel
         unit_force_S, unit_torque_S, centre_S, depth, vertices = press_skin(
             self._face, X_SP, surface.vertices_S, surface.normals_S, surface.flexibility,
-            surface.neighbours, surface.weights, self._element_response_S, self._load,
+            surface.neighbours, surface.weights, self._element_response_S, self._load, *self._solved,
         )  # fmt: skip
         config = self._phantom.config
         force_S, torque_S = with_motion(
@@ -98,6 +102,7 @@ class SoftTissue:
     def reset(self) -> None:
         """Forget the last press: the skin is undeformed."""
         self._load[:] = 0.0
+        self._solved = _unsolved(len(self._load))
 
     def _displacement(self) -> Float[np.ndarray, "n 3"]:
         """Displacement in S of the contact points [m]: along the normal the contact's, across it the elements'."""
@@ -125,3 +130,8 @@ class SoftTissue:
         near, weights = interpolation_weights(sources, self._phantom.unembed(skin_S))
         weights[(near >= points) | (skin_S[:, 2:] == 0)] = 0.0
         return interpolation_matrix(near, weights, len(sources))[:, :points]
+
+
+def _unsolved(points: int) -> list[Solved]:
+    """What `press_skin` keeps, before the first press."""
+    return [Solved.nothing(points, MOST_TOUCHING) for _ in range(2)]

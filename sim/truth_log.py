@@ -1,5 +1,6 @@
 """What the simulation knows and no sensor tells: the true contact."""
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,11 @@ class TruthRecorder:
     """Collects rows; nothing is computed until the log is asked for."""
 
     def __init__(self) -> None:
-        self._rows: list[tuple[float, np.ndarray, np.ndarray, float, np.ndarray]] = []
+        self._rows: deque[tuple[float, np.ndarray, np.ndarray, float, np.ndarray]] = deque()
+
+    def limit(self, rows: int) -> None:
+        """Keep the latest so many."""
+        self._rows = deque(self._rows, maxlen=rows)
 
     def add(
         self,

@@ -116,7 +116,7 @@ def meet(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
     """Begin a contact: the skin is where the tip feels it."""
     force = memory.slow.force
     surface = Surface.met(memory.servo.position, force, config.surface)
-    return replace(memory, surface=surface, law=LawMemory(Filtered(force), memory.rate, memory.rate))
+    return replace(memory, surface=surface, law=LawMemory(Filtered(force)))
 
 
 def leave(memory: ContactMemory) -> ContactMemory:

@@ -27,8 +27,8 @@ class SurfaceConfig:
 
     stiffness: float = 450.0
     """Stiffness with which a contact begins [N^(2/3)/m]: 5 N press 6.5 mm deep."""
-    stiffness_spread: float = 0.7
-    """Its uncertainty, as a logarithm [-]: a factor of two either way, and in the tails a rigid print."""
+    stiffness_spread: float = 1.5
+    """Its uncertainty, as a logarithm [-]: a rigid print, sixteen times as stiff, lies within two sigma."""
     stiffness_drift: float = 0.01
     """How fast it may change along the path, as a logarithm [1/sqrt(s)]."""
     unrest: float = 0.008

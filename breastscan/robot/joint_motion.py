@@ -1,4 +1,4 @@
-"""Straight motions in joint space with limited speed and acceleration."""
+"""Straight motions with limited speed and acceleration."""
 
 from collections.abc import Iterator
 
@@ -7,6 +7,26 @@ from jaxtyping import Float
 
 NEGLIGIBLE_WAY = 1e-12
 """Joint motion that is done in one step [rad]."""
+
+
+class Trapezoid:
+    """A way from rest to rest, as fast as speed and acceleration allow."""
+
+    def __init__(self, length: float, speed: float, acceleration: float) -> None:
+        """Of a positive `length` [m or rad], at most `speed` and `acceleration` [the same per s and s^2]."""
+        self._length, self._acceleration = length, acceleration
+        self._ramp_time = min(speed / acceleration, np.sqrt(length / acceleration))
+        self._top_speed = acceleration * self._ramp_time
+        self.duration = float(length / self._top_speed + self._ramp_time)
+        """[s]"""
+
+    def way(self, t: float) -> float:
+        """Way covered by the time `t` [s]."""
+        if t < self._ramp_time:
+            return self._acceleration * t**2 / 2
+        if t < self.duration - self._ramp_time:
+            return self._top_speed * (t - self._ramp_time / 2)
+        return self._length - self._acceleration * max(self.duration - t, 0.0) ** 2 / 2
 
 
 def trapezoid(
@@ -25,11 +45,9 @@ def trapezoid(
     if way < NEGLIGIBLE_WAY:
         yield end
         return
-    ramp_time = min(speed / acceleration, np.sqrt(way / acceleration))
-    top_speed = acceleration * ramp_time
-    duration = way / top_speed + ramp_time
-    for k in range(1, int(np.ceil(duration / period))):
-        yield start + (end - start) * _trapezoid_way(k * period, ramp_time, top_speed, duration) / way
+    profile = Trapezoid(way, speed, acceleration)
+    for k in range(1, int(np.ceil(profile.duration / period))):
+        yield start + (end - start) * profile.way(k * period) / way
     yield end
 
 
@@ -42,13 +60,3 @@ def braking(
     for k in range(1, count + 1):
         remaining = 1 - k / count
         yield start + speed * count * period * (1 - remaining**2) / 2
-
-
-def _trapezoid_way(t: float, ramp_time: float, top_speed: float, duration: float) -> float:
-    """Way covered at time `t` by a motion that ramps up, cruises and ramps down [rad]."""
-    acceleration = top_speed / ramp_time
-    if t < ramp_time:
-        return acceleration * t**2 / 2
-    if t < duration - ramp_time:
-        return top_speed * (t - ramp_time / 2)
-    return top_speed * (duration - ramp_time) - acceleration * (duration - t) ** 2 / 2

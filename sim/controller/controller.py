@@ -1,0 +1,251 @@
+"""A UR controller without its sockets: modes and stops, registers, one program, one motion, and the arm they move."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.robot.payload import Payload
+from sim.controller import motion
+from sim.controller.config import ControllerConfig
+from sim.controller.functions import script_functions
+from sim.controller.motion import Braking, Motion
+from sim.controller.program import Program, Thread
+from sim.controller.states import RobotMode, Runtime, Safety
+from sim.controller.urscript import ScriptError
+from sim.controller.variables import INPUTS, REGISTERS, zero
+from sim.probe import payload
+from sim.robot import SimRobot
+from sim.servo import PERIOD
+
+STOP_DECELERATION = 10.0
+"""Of the leading joint when a program ends [rad/s^2]."""
+SAFE_DECELERATION = 40.0
+"""The same in a stop for safety [rad/s^2]."""
+UNLOCK_AFTER = 5.0
+"""Time before a protective stop may be unlocked [s]."""
+SLIDER_RATE = 0.01
+"""Change of the speed scaling in a period [-]."""
+HISTORY = 1000
+"""Periods whose joint angles a program may ask for."""
+
+
+@dataclass
+class Watchdog:
+    """Stops the program unless a register is written often enough."""
+
+    longest: float
+    """Time between writings [s]."""
+    stops: bool
+    """Whether it stops the program, else it pauses it."""
+    armed: float
+    """When it was set [s]."""
+
+
+class Controller:
+    """Steps the simulated arm by one period a `cycle`, as its program and its inputs want."""
+
+    def __init__(
+        self, robot: SimRobot, config: ControllerConfig, mount_angle: float, tell: Callable[[str], None]
+    ) -> None:
+        """Switch on.
+
+        Args:
+            robot: The arm.
+            config: What to pretend.
+            mount_angle: Of the probe [rad], for the payload that is set up.
+            tell: Is told what an operator would want to know.
+        """
+        self.robot, self.config, self._tell = robot, config, tell
+        self.inputs: dict[str, float | list[float]] = {name: zero(kind) for name, kind in INPUTS.items()}
+        self._written: dict[str, float] = {}
+        self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
+        self.runtime, self.mode, self.safety = Runtime.STOPPED, RobotMode.RUNNING, Safety.NORMAL
+        self.scaling, self.slider = 1.0, 1.0
+        self.digital_outputs, self.analog_outputs = 0, [0.0, 0.0]
+        self.X_FT = robot.X_FP.copy()
+        """Pose of the tool centre point in the flange."""
+        self.payload, self.inertia = payload(mount_angle), [0.0] * 6
+        self.freedrive = False
+        self.remote_control = config.remote_control
+        self.motion: Motion = motion.hold
+        self.owner: Thread | None = None
+        """Thread that moves the arm."""
+        self.program: Program | None = None
+        self.watchdogs: dict[str, Watchdog] = {}
+        self.history: deque[np.ndarray] = deque(maxlen=HISTORY)
+        self.periods = 0
+        self._stopped_at = -UNLOCK_AFTER
+        self.program_error = ""
+        """Why the last program stopped, where it did not stop by itself."""
+        self._functions, self._blocking = script_functions(self)
+
+    @property
+    def time(self) -> float:
+        """Since the controller was switched on [s]."""
+        return self.periods * PERIOD
+
+    @property
+    def operational(self) -> bool:
+        """Whether the arm may move."""
+        return self.safety is Safety.NORMAL and self.mode is RobotMode.RUNNING
+
+    def write(self, values: dict[str, float | list[float]]) -> None:
+        """Take in inputs; the next period sees the newest."""
+        self.inputs.update(values)
+        self._written.update(dict.fromkeys(values, self.time))
+
+    def cycle(self) -> None:
+        """One period."""
+        self.periods += 1
+        self._take_inputs()
+        if self.runtime is Runtime.PLAYING:
+            self._watch()
+            self._run_program()
+        if not self.motion(self.robot, self.scaling):
+            self.motion = motion.hold
+        self.history.append(self.robot.state().q)
+
+    def run(self, source: str) -> None:
+        """Start a program, or do what a line outside of one says."""
+        command = source.strip()
+        simple = {
+            "stop program": lambda: self.stop_program("a script port"),
+            "pause program": self.pause,
+            "resume program": self.resume,
+            "set unlock protective stop": self.unlock,
+        }
+        if command in simple:
+            simple[command]()
+            return
+        if not command.startswith(("def ", "sec ")):
+            source = f"def line():\n{source}\nend"
+        if not self.operational:
+            self._tell("a program was refused: the arm is not operational")
+            return
+        try:
+            program = Program(source, self._functions, self._blocking)
+        except ScriptError as error:
+            self.program_error = str(error)
+            self._tell(f"a program was refused: {error}")
+            return
+        self.stop_program("another program")
+        self.program, self.runtime, self.program_error = program, Runtime.PLAYING, ""
+
+    def stop_program(self, why: str) -> None:
+        """End the program and bring the arm to rest."""
+        if self.program is not None:
+            self.program.end()
+            self._tell(f"program {self.program.name} ended: {why}")
+        self.program, self.owner = None, None
+        self.watchdogs.clear()
+        if self.runtime is not Runtime.STOPPED:
+            self.motion = Braking(self.robot, STOP_DECELERATION)
+        self.runtime = Runtime.STOPPED
+
+    def pause(self) -> None:
+        """Bring the arm to rest; `resume` goes on."""
+        if self.runtime is Runtime.PLAYING:
+            self.runtime = Runtime.PAUSED
+            self.motion = Braking(self.robot, STOP_DECELERATION)
+
+    def resume(self) -> bool:
+        """Go on with a paused program, where that is possible."""
+        possible = self.runtime is Runtime.PAUSED and self.operational
+        if possible:
+            self.runtime = Runtime.PLAYING
+        return possible
+
+    def protective_stop(self, why: str) -> None:
+        """What a controller does that finds something wrong: rest, paused, until it is unlocked."""
+        if self.safety is Safety.NORMAL:
+            self._tell(f"protective stop: {why}")
+            self.safety, self._stopped_at = Safety.PROTECTIVE_STOP, self.time
+            self.pause()
+            self.motion = Braking(self.robot, SAFE_DECELERATION)
+
+    def unlock(self) -> bool:
+        """End a protective stop that is old enough."""
+        if self.safety is Safety.PROTECTIVE_STOP and self.time - self._stopped_at < UNLOCK_AFTER:
+            return False
+        if self.safety is Safety.PROTECTIVE_STOP:
+            self.safety = Safety.NORMAL
+        return True
+
+    def emergency_stop(self) -> None:
+        """Somebody hit the button: rest, and power off."""
+        self.stop_program("emergency stop")
+        self.safety, self.mode = Safety.ROBOT_EMERGENCY_STOP, RobotMode.POWER_OFF
+        self.motion = Braking(self.robot, SAFE_DECELERATION)
+
+    def release(self) -> None:
+        """The button is pulled out again; the arm stays without power."""
+        if self.safety is Safety.ROBOT_EMERGENCY_STOP:
+            self.safety = Safety.NORMAL
+
+    def power(self, mode: RobotMode) -> None:
+        """Power off, on, or on with the brakes released."""
+        if mode is RobotMode.POWER_OFF:
+            self.stop_program("power off")
+            self.mode = mode
+        elif self.safety is Safety.NORMAL and mode > self.mode:
+            self.mode = mode
+
+    def watch(self, variable: str, longest: float, *, stops: bool) -> None:
+        """Arm a watchdog: at least every `longest` [s] the variable must be written, the same value counts."""
+        self.watchdogs[variable] = Watchdog(longest, stops, self.time)
+
+    def set_payload(self, mass: float, centre_F: Float[np.ndarray, "3"]) -> None:
+        """Tell the wrist sensor what hangs on it [kg, m]."""
+        self.payload = Payload(mass=mass, centre_F=centre_F)
+        self.robot.set_payload(self.payload)
+
+    def tool_pose(self, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
+        """X_BT at joint angles [rad]."""
+        return self.robot.calibration.forward(q) @ self.X_FT
+
+    def tool_wrench_B(self) -> Float[np.ndarray, "6"]:
+        """What acts on the tool in basis B, about the tool centre point, force first [N, N m]."""
+        state = self.robot.state()
+        X_BF = self.robot.calibration.forward(state.q)
+        R_BP = (X_BF @ self.robot.X_FP)[:3, :3]
+        force, moment = R_BP @ state.wrench_P[:3], R_BP @ state.wrench_P[3:]
+        lever_B = X_BF[:3, :3] @ (self.robot.X_FP[:3, 3] - self.X_FT[:3, 3])
+        return np.concatenate([force, moment + np.cross(lever_B, force)])
+
+    def _take_inputs(self) -> None:
+        """Slider and outputs, where their masks say so."""
+        inputs = self.inputs
+        if inputs["speed_slider_mask"]:
+            self.slider = min(max(float(inputs["speed_slider_fraction"]), 0.0), 1.0)  # type: ignore[arg-type]
+        self.scaling += min(max(self.slider - self.scaling, -SLIDER_RATE), SLIDER_RATE)
+        for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
+            mask = int(inputs[f"{kind}_digital_output_mask"])  # type: ignore[arg-type]
+            if mask:
+                values = int(inputs[f"{kind}_digital_output"]) & mask  # type: ignore[arg-type]
+                self.digital_outputs = self.digital_outputs & ~(mask << shift) | values << shift
+        for i in range(2):
+            if int(inputs["standard_analog_output_mask"]) >> i & 1:  # type: ignore[arg-type]
+                self.analog_outputs[i] = float(inputs[f"standard_analog_output_{i}"])  # type: ignore[arg-type]
+
+    def _watch(self) -> None:
+        for name, dog in list(self.watchdogs.items()):
+            if self.time - max(self._written.get(name, 0.0), dog.armed) > dog.longest:
+                if dog.stops:
+                    self.stop_program(f"the watchdog: nothing was written to {name} for {dog.longest:.3f} s")
+                else:
+                    self.pause()
+
+    def _run_program(self) -> None:
+        if self.program is None:
+            return
+        try:
+            self.program.step()
+        except ScriptError as error:
+            self.program_error = str(error)
+            self.stop_program(str(error))
+            return
+        if self.program is not None and not self.program.running:
+            self.stop_program("its end")

@@ -1,0 +1,134 @@
+"""What can go wrong, at the touch of a key: the control port of the twin, and its client.
+
+One JSON object a line each way. It is no part of a controller's protocol.
+"""
+
+import json
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from breastscan.errors import RobotError
+from sim.controller.controller import Controller
+from sim.controller.outputs import Outputs
+
+CONTROL_PORT = 30100
+ANSWER_TIME = 5.0
+"""Longest wait for an answer [s]."""
+
+
+class Faults:
+    """Injects faults, and keeps the books."""
+
+    def __init__(self, controller: Controller, outputs: Outputs, hang_up: Callable[[], None]) -> None:
+        self._controller, self._outputs = controller, outputs
+        self._silent_until = -1.0
+        self._counts = [0, 0, 0]
+        """Cycles with no, one, and more command packages, while a program ran."""
+        self._highest_force = 0.0
+        self._actions: dict[str, Callable[..., Any]] = {
+            "protective_stop": lambda: controller.protective_stop("asked for at the control port"),
+            "emergency_stop": controller.emergency_stop,
+            "release": controller.release,
+            "script_error": lambda: controller.stop_program("an error, asked for at the control port"),
+            "close_connections": hang_up,
+            "silence": self._silence,
+            "freeze_sensor": outputs.freeze_wrench,
+            "remote_control": lambda on: setattr(controller, "remote_control", bool(on)),
+            "reset": self._reset,
+            "status": self._status,
+        }
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing is published."""
+        return self._controller.time < self._silent_until
+
+    def count(self, commands: int) -> None:
+        """Note the data packages of a period, and the force in the last."""
+        if self._controller.program is not None:
+            self._counts[min(commands, 2)] += 1
+        self._highest_force = max(self._highest_force, self._force)
+
+    def answer(self, line: str) -> str:
+        """Do what a line asks for."""
+        try:
+            request = json.loads(line)
+            action = self._actions[request.pop("do")]
+            return json.dumps({"ok": True, **(action(**request) or {})})
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            return json.dumps({"ok": False, "error": f"{error!r}; known: {', '.join(self._actions)}"})
+
+    @property
+    def _force(self) -> float:
+        """That the tissue exerts on the probe [N]."""
+        contact = self._controller.robot.contact
+        return 0.0 if contact is None else float(np.sqrt(contact.force_S @ contact.force_S))
+
+    def _silence(self, seconds: float) -> None:
+        self._silent_until = self._controller.time + seconds
+
+    def _reset(self) -> None:
+        self._counts, self._highest_force = [0, 0, 0], 0.0
+
+    def _status(self) -> dict[str, Any]:
+        controller = self._controller
+        state = controller.robot.state()
+        return {
+            "time": controller.time,
+            "q": state.q.tolist(),
+            "qd": state.qd.tolist(),
+            "force": self._force,
+            "highest_force": self._highest_force,
+            "cycles": self._counts,
+            "runtime": int(controller.runtime),
+            "safety": int(controller.safety),
+            "program_error": controller.program_error,
+            "cpu_s": time.process_time(),
+            "digital_outputs": controller.digital_outputs,
+        }
+
+
+class TwinControl:
+    """The twin's control port, from another process."""
+
+    def __init__(self, host: str = "127.0.0.1") -> None:
+        """Connect.
+
+        Raises:
+            RobotError: No twin listens there.
+        """
+        try:
+            self._socket = socket.create_connection((host, CONTROL_PORT), ANSWER_TIME)
+        except OSError as error:
+            raise RobotError(f"no twin listens at {host}: start one with `breastscan twin`", host) from error
+        self._lines = self._socket.makefile("rb")
+
+    def do(self, action: str, **arguments: float | bool) -> dict[str, Any]:
+        """Inject a fault, or ask for the `status`.
+
+        Args:
+            action: protective_stop, emergency_stop, release, script_error, close_connections, silence (`seconds`),
+                freeze_sensor, remote_control (`on`), reset, or status.
+            arguments: The action's.
+
+        Raises:
+            RobotError: The twin does not know it, or is gone.
+        """
+        try:
+            self._socket.sendall(json.dumps({"do": action, **arguments}).encode() + b"\n")
+            line = self._lines.readline()
+        except OSError as error:
+            raise RobotError(f"the twin does not answer: {error}", error) from error
+        answer = json.loads(line) if line else {"ok": False, "error": "the twin is gone"}
+        if not answer.pop("ok"):
+            raise RobotError(f"the twin refuses {action}: {answer['error']}", action)
+        return answer
+
+    def close(self) -> None:
+        """Hang up."""
+        self._lines.close()
+        self._socket.close()

@@ -1,0 +1,148 @@
+"""How the controller moves the arm: one motion at a time, one call a period.
+
+A motion commands the robot for one period when called, and says whether it goes on.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from sim.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
+from sim.robot import SimRobot
+from sim.servo import PERIOD
+
+Motion = Callable[[SimRobot, float], bool]
+"""(robot, speed scaling) -> whether it goes on."""
+TURN_LENGTH = 0.3
+"""Length that a turn by a radian counts as in a straight motion of the tool [m]."""
+
+
+def hold(robot: SimRobot, scaling: float) -> bool:
+    """Stay."""
+    robot.go(robot.course[0])
+    return True
+
+
+class Servo:
+    """servoj: towards a target that every call may replace."""
+
+    def __init__(self, q: Float[np.ndarray, "6"]) -> None:
+        self.q = q
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period."""
+        robot.follow(self.q)
+        return True
+
+
+class Braking:
+    """Along the present course, to rest."""
+
+    def __init__(self, robot: SimRobot, deceleration: float) -> None:
+        """At a deceleration of the leading joint [rad/s^2]."""
+        self._targets = braking(*robot.course, deceleration, PERIOD)
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period."""
+        target = next(self._targets, None)
+        robot.go(robot.course[0] if target is None else target)
+        return target is not None
+
+
+class Travel:
+    """From rest to rest along a way whose joints are a function of the share that is done."""
+
+    def __init__(
+        self, length: float, speed: float, acceleration: float, joints: Callable[[float], Float[np.ndarray, "6"]]
+    ) -> None:
+        self._joints, self._time = joints, 0.0
+        self._profile = Trapezoid(length, speed, acceleration) if length > NEGLIGIBLE_WAY else None
+        self._length = length
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period, of which `scaling` counts."""
+        if self._profile is None:
+            robot.go(self._joints(1.0))
+            return False
+        self._time = min(self._time + scaling * PERIOD, self._profile.duration)
+        robot.go(self._joints(self._profile.way(self._time) / self._length))
+        return self._time < self._profile.duration
+
+
+def joint_travel(robot: SimRobot, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> Travel:
+    """Straight in joint space to `q`; speed and acceleration of the leading joint [rad/s, rad/s^2]."""
+    start = robot.course[0]
+    return Travel(float(np.abs(q - start).max()), speed, acceleration, lambda share: start + share * (q - start))
+
+
+def straight_travel(
+    robot: SimRobot,
+    arm: KinematicCalibration,
+    X_BT: Float[np.ndarray, "4 4"],
+    X_FT: Float[np.ndarray, "4 4"],
+    speed: float,
+    acceleration: float,
+) -> Travel:
+    """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in m and s."""
+    q = robot.course[0]
+    X_start, X_TF = arm.forward(q) @ X_FT, se3.inverse(X_FT)
+    turn = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
+    way = X_BT[:3, 3] - X_start[:3, 3]
+
+    def joints(share: float) -> Float[np.ndarray, "6"]:
+        nonlocal q
+        X = X_start @ se3.from_rotation_vector(share * turn, np.zeros(3))
+        X[:3, 3] = X_start[:3, 3] + share * way
+        q = arm.step(q, X @ X_TF)
+        return q
+
+    length = max(float(np.linalg.norm(way)), TURN_LENGTH * float(np.linalg.norm(turn)))
+    return Travel(length, speed, acceleration, joints)
+
+
+class JointSpeed:
+    """speedj: up or down to joint speeds, and on at them."""
+
+    def __init__(self, qd: Float[np.ndarray, "6"], acceleration: float) -> None:
+        self._qd, self._acceleration = qd, acceleration
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period."""
+        q, qd = robot.course
+        change, most = scaling * self._qd - qd, self._acceleration * PERIOD
+        largest = float(np.abs(change).max())
+        robot.go(q + PERIOD * (qd + change * min(1.0, most / max(largest, 1e-12))))
+        return True
+
+
+class ToolSpeed:
+    """speedl: the same for the tool's velocity and turn in the base."""
+
+    def __init__(
+        self, arm: KinematicCalibration, X_FT: Float[np.ndarray, "4 4"], speed: Float[np.ndarray, "6"],
+        acceleration: float,
+    ) -> None:  # fmt: skip
+        self._arm, self._p_FT, self._speed, self._acceleration = arm, X_FT[:3, 3], speed, acceleration
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period."""
+        q, qd = robot.course
+        J = tool_jacobian(self._arm, q, self._p_FT)
+        now = J @ qd
+        change, most = scaling * self._speed - now, self._acceleration * PERIOD
+        largest = max(float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:])))
+        wanted = now + change * min(1.0, most / max(largest, 1e-12))
+        robot.go(q + PERIOD * np.linalg.lstsq(J, wanted, rcond=1e-3)[0])
+        return True
+
+
+def tool_jacobian(
+    arm: KinematicCalibration, q: Float[np.ndarray, "6"], p_FT: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "6 6"]:
+    """From joint speeds to the tool's velocity and turn in B, velocity first."""
+    J, lever_B = arm.jacobian(q).copy(), arm.forward(q)[:3, :3] @ p_FT
+    J[:3] += np.cross(J[3:].T, lever_B).T
+    return J

@@ -1,0 +1,172 @@
+"""The controller's side of RTDE, the real-time data exchange: port 30004, binary, big-endian."""
+
+import struct
+from typing import Protocol
+
+from sim.controller.controller import Controller
+from sim.controller.outputs import Outputs
+from sim.controller.variables import INPUTS, OUTPUTS, Recipe
+from sim.servo import PERIOD
+
+VERSION, CONTROLLER, OUTPUT_SETUP, INPUT_SETUP, START, PAUSE, DATA, TEXT = b"VvOISPUM"
+"""Types of messages."""
+HEADER = struct.Struct(">HB")
+PROTOCOLS = (1, 2)
+"""Versions that are spoken; data packages carry a recipe's number in the second only."""
+FREQUENCY = 1 / PERIOD
+"""Highest rate of output [Hz]."""
+OLD_FREQUENCY = 125.0
+"""Rate in the protocol's first version [Hz]."""
+ERROR = 1
+"""Level of a text message."""
+
+
+class Registry:
+    """Which connection holds which input: one at a time."""
+
+    def __init__(self) -> None:
+        self._holders: dict[str, Connection] = {}
+
+    def free_for(self, name: str, connection: "Connection") -> bool:
+        """Whether a connection may write an input."""
+        return self._holders.get(name, connection) is connection
+
+    def take(self, names: list[str], connection: "Connection") -> None:
+        """Hold inputs."""
+        self._holders.update(dict.fromkeys(names, connection))
+
+    def release(self, connection: "Connection") -> None:
+        """Free what a connection held; the values stay."""
+        self._holders = {name: holder for name, holder in self._holders.items() if holder is not connection}
+
+
+class Line(Protocol):
+    """Where answers go."""
+
+    def send(self, data: bytes) -> None:
+        """Send a message whole, or not at all."""
+        ...
+
+    def close(self) -> None:
+        """Hang up."""
+        ...
+
+
+class Connection:
+    """One client."""
+
+    def __init__(self, line: Line, controller: Controller, outputs: Outputs, registry: Registry) -> None:
+        self._line, self._controller, self._outputs, self._registry = line, controller, outputs, registry
+        self._arrived = b""
+        self._version = 1
+        self._recipe: Recipe | None = None
+        self._read = outputs.reader([])
+        self._inputs: list[Recipe] = []
+        self._started = False
+        self._per_cycle, self._due = 1.0, 0.0
+        self.commands = 0
+        """Data packages that came in since the last period."""
+
+    def receive(self, data: bytes) -> None:
+        """Take in bytes, and answer every message that is complete."""
+        self._arrived += data
+        while len(self._arrived) >= HEADER.size:
+            size, kind = HEADER.unpack_from(self._arrived)
+            if size < HEADER.size:
+                self._line.close()
+                return
+            if len(self._arrived) < size:
+                return
+            payload, self._arrived = self._arrived[HEADER.size : size], self._arrived[size:]
+            self._answer(kind, payload)
+
+    def publish(self) -> None:
+        """Send a data package, where one is due in this period."""
+        if not self._started or self._recipe is None:
+            return
+        self._due += self._per_cycle
+        if self._due < 1.0 - 1e-9:
+            return
+        self._due -= 1.0
+        number = b"\x01" if self._version == 2 else b""
+        self._reply(DATA, number + self._recipe.pack(self._read()))
+
+    def closed(self) -> None:
+        """The client is gone."""
+        self._registry.release(self)
+
+    def _answer(self, kind: int, payload: bytes) -> None:
+        try:
+            if kind == VERSION:
+                self._agree(payload)
+            elif kind == CONTROLLER:
+                self._reply(kind, struct.pack(">4I", *self._controller.config.numbers))
+            elif kind == OUTPUT_SETUP:
+                self._set_up_outputs(payload)
+            elif kind == INPUT_SETUP:
+                self._set_up_inputs(payload)
+            elif kind == START:
+                self._started = self._recipe is not None or bool(self._inputs)
+                self._reply(kind, struct.pack(">B", self._started))
+            elif kind == PAUSE:
+                self._started = False
+                self._reply(kind, b"\x01")
+            elif kind == DATA:
+                self._take(payload)
+        except (struct.error, UnicodeDecodeError, IndexError):
+            self._complain(f"message {chr(kind)} of {len(payload)} bytes is not understood")
+
+    def _agree(self, payload: bytes) -> None:
+        (version,) = struct.unpack(">H", payload)
+        self._version = version if version in PROTOCOLS else self._version
+        self._reply(VERSION, struct.pack(">B", version in PROTOCOLS))
+
+    def _set_up_outputs(self, payload: bytes) -> None:
+        frequency = OLD_FREQUENCY
+        if self._version == 2:
+            (frequency,) = struct.unpack_from(">d", payload)
+            payload = payload[8:]
+        names = _names(payload)
+        kinds = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
+        known = "NOT_FOUND" not in kinds
+        if known:
+            self._recipe, self._read = Recipe(names, kinds), self._outputs.reader(names)
+            self._per_cycle = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY
+        number = struct.pack(">B", known) if self._version == 2 else b""
+        self._reply(OUTPUT_SETUP, number + ",".join(kinds).encode())
+
+    def _set_up_inputs(self, payload: bytes) -> None:
+        names = _names(payload)
+        kinds = [
+            INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE" for name in names
+        ]  # fmt: skip
+        number = 0
+        if not {"NOT_FOUND", "IN_USE"} & set(kinds):
+            self._registry.take(names, self)
+            self._inputs.append(Recipe(names, kinds))
+            number = len(self._inputs)
+        self._reply(INPUT_SETUP, struct.pack(">B", number) + ",".join(kinds).encode())
+
+    def _take(self, payload: bytes) -> None:
+        """A data package; it may be longer than its recipe, which a client in use gets wrong."""
+        number = payload[0]
+        if not 1 <= number <= len(self._inputs) or len(payload) - 1 < self._inputs[number - 1].size:
+            self._complain(f"there is no recipe {number} of {len(payload) - 1} bytes")
+            return
+        self.commands += 1
+        self._controller.write(self._inputs[number - 1].unpack(payload[1:]))
+
+    def _complain(self, text: str) -> None:
+        """Tell a client that has started; before that it reads one answer for each question."""
+        if self._started:
+            words = [word.encode()[:255] for word in (text, "RTDE")]
+            self._reply(TEXT, b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([ERROR]))
+
+    def _reply(self, kind: int, payload: bytes) -> None:
+        self._line.send(HEADER.pack(HEADER.size + len(payload), kind) + payload)
+
+
+def _names(payload: bytes) -> list[str]:
+    """Names between commas; a client in use ends the list with one."""
+    names = [name.strip() for name in payload.decode("ascii").split(",")]
+    return names[:-1] if names and not names[-1] else names

@@ -1,0 +1,82 @@
+"""`breastscan twin`: the scene behind a controller's ports, until it is told to end."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+
+from breastscan import record
+from sim.controller.config import ControllerConfig
+from sim.controller.controller import Controller
+from sim.controller.server import Server, ask_for_priority
+from sim.mechanics import build_mechanics
+from sim.robot import SimRobot
+from sim.scene import Scene, SceneConfig
+from sim.servo import PERIOD
+from sim.truth_log import TruthLog
+
+LINK_TRANSPORT = 2 * PERIOD
+"""Part of the servo's transport that a link brings along by itself [s]: a target waits for the program's turn, and its
+effect for the next data package."""
+KEPT_TRUTH = 300.0
+"""How much of the truth is kept, the latest [s]."""
+
+
+def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None, tell: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Args:
+        scene_config: The world.
+        config: The controller.
+        out: Where `truth.parquet` goes at the end; None keeps nothing.
+        tell: Shown to whoever started it.
+
+    Raises:
+        RobotError: A port is in use.
+    """
+    servo = replace(scene_config.servo, transport=max(scene_config.servo.transport - LINK_TRANSPORT, PERIOD))
+    scene = Scene(replace(scene_config, servo=servo))
+    robot = SimRobot(scene, build_mechanics(scene.phantom))
+    robot.limit_truth(round(KEPT_TRUTH / PERIOD))
+    server = Server(Controller(robot, config, scene_config.mount_angle, tell))
+    granted = ask_for_priority()
+    tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))
+    with _told_to_end() as ended:
+        server.serve(ended)
+    if out is not None:
+        with record.staged(out) as folder:
+            truth_table(robot.truth_log()).write_parquet(folder / "truth.parquet")
+        tell(f"The truth: {out / 'truth.parquet'}")
+
+
+def truth_table(truth: TruthLog) -> pl.DataFrame:
+    """The truth as a table: the robot's time [s], joints [rad], force along the probe [N], depth [m], pose in S."""
+    return pl.DataFrame(
+        {
+            "t": truth.time,
+            "q": truth.q,
+            "true_force": truth.force_axial,
+            "true_depth": truth.depth,
+            "X_SP": truth.X_SP.reshape(-1, 16),
+        }
+    )
+
+
+@contextmanager
+def _told_to_end() -> Iterator[Callable[[], bool]]:
+    """Whether somebody has asked for the end."""
+    told = False
+
+    def note(*_: object) -> None:
+        nonlocal told
+        told = True
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: told
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

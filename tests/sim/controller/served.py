@@ -1,0 +1,44 @@
+"""A twin behind a controller's ports in a process of its own, and clients of it in others."""
+
+import os
+import subprocess
+import sys
+import textwrap
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+START_TIME = 120
+"""Longest wait for the twin to be ready: compiling and the finite elements included [s]."""
+
+
+@contextmanager
+def served(host, *options):
+    """Run `breastscan twin` at a loopback address; yields its process."""
+    command = [sys.executable, "-m", "breastscan", "twin", "--controller.host", host, *options]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        for line in process.stdout:
+            if line.startswith("Ready"):
+                break
+        else:
+            raise AssertionError(f"the twin ended with {process.wait()}")
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        process.stdout.close()
+
+
+def client(program, *arguments, timeout=120):
+    """Run a program in a process of its own, since the client library can take one down; what it printed."""
+    finished = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program), *arguments],
+        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=timeout,
+        check=False,
+    )  # fmt: skip
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    return finished.stdout
