@@ -29,9 +29,9 @@ from breastscan.robot.rtde import FREQUENCY, LOOKAHEAD_TIME
 from breastscan.robot.shared_state import ControllerState, SharedState
 from breastscan.robot.worker import TARGET, WorkerSetup, serve
 
-TRANSPORT = 0.006
-"""From the sending of a target to the first state that shows its effect [s]: one period each for the program to read
-it, for the motion to begin, and for the state to come."""
+TRANSPORT = 0.004
+"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
+told."""
 ANSWER_TIME = 0.1
 """Longest wait for the state after a target [s]; the worker tells of a silence sooner, unless it hangs itself."""
 REQUEST_TIME = 5.0

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from sim.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
+from breastscan.robot.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
 from sim.robot import SimRobot
 from sim.servo import PERIOD
 
