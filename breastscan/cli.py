@@ -64,24 +64,53 @@ def _scan() -> Callable:
         video: bool = True,
         fine: bool = False,
         rig: Path | None = None,
+        robot: str | None = None,
+        camera: str = "twin",
+        calibration: Path | None = None,
+        dry_run: bool = False,
+        yes: bool = False,
         plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
         scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
     ) -> None:
-        """Scan the phantom with the twin: see, plan, touch, measure the errors, report.
+        """Scan the phantom with the twin, or with a robot: see, plan, touch, measure the errors, report.
 
         Args:
             out: Folder for the results.
             seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
-            video: Whether to render scan.mp4.
+            video: Whether to render scan.mp4 of the twin.
             fine: Whether to render it with soft light, where Vulkan is found: several times slower without a graphics
                 card.
             rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
+            robot: rtde://HOST drives the UR5e there, or `breastscan twin`; without it, the twin in process scans.
+            camera: Eyes of a robot's scan. twin: the scene's cameras, for a `breastscan twin` of the same seed and
+                scene. Else folder:DIR, devices:LEFT,RIGHT or genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT].
+            calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of ur_calibration.
+            dry_run: Whether a robot travels the path in the air, without contact.
+            yes: Whether a robot may touch without a question.
             plan: Every setting of the pipeline.
-            scene: Every setting of the simulated world.
+            scene: Every setting of the simulated world; a robot's mount and cell as well.
         """
-        scan_twin.run(out, seed=seed, video=video, fine=fine, config=plan, scene_config=scene, console=console, rig=rig)
+        if robot is None:
+            _need_robot(camera != "twin" or calibration is not None or dry_run or yes)
+            scan_twin.run(
+                out, seed=seed, video=video, fine=fine, config=plan, scene_config=scene, console=console, rig=rig
+            )
+        else:
+            from experiments import scan_cell
+
+            options = scan_cell.CellScan(
+                robot=robot, camera=camera, calibration=calibration, rig=rig, dry_run=dry_run, consent=yes
+            )
+            scan_cell.run(out, options, seed=seed, config=plan, scene_config=scene, console=console)
 
     return scan
+
+
+def _need_robot(asked: bool) -> None:
+    if asked:
+        raise ConfigError(
+            "--camera, --calibration, --dry-run and --yes are a robot's: give --robot rtde://HOST as well"
+        )
 
 
 def _view() -> Callable:
@@ -356,7 +385,7 @@ def _doctor() -> Callable:
 
 
 COMMANDS = {
-    "scan": Command("scan the phantom with the twin and measure every error", _scan),
+    "scan": Command("scan the phantom with the twin and measure every error, or scan with a robot", _scan),
     "view": Command("the same scan live, in a window or a browser", _view),
     "reconstruct": Command("a stereo pair on disk to a point cloud", _reconstruct),
     "calibrate": Command("a pair of cameras, from shots of a chessboard", _calibrate),

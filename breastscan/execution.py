@@ -6,11 +6,12 @@ supervisor lets through (`control.safety`). The arm follows its targets late by 
 by as much: the arm then is where the plan is. Whatever goes wrong ends in a retreat up the normal.
 """
 
+import gc
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -121,14 +122,41 @@ def execute(
     robot.move_joint(lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     robot.tare()
     route = Route(len(motion.q) - 1, start, in_air, motion.clearance)
-    probe = _Probe(robot, motion, route, config, limits, log, first_row=start if stands_there else 0)
-    with deferred_interrupt() as check_interrupt:
+    first_row = start if stands_there else 0
+    _Probe(_Standing(robot), motion, route, config, limits, MotionLog(), first_row=first_row).rehearse()
+    probe = _Probe(robot, motion, route, config, limits, log, first_row=first_row)
+    with deferred_interrupt() as check_interrupt, no_garbage_collection():
         probe.run(check_interrupt, pause, progress)
     if probe.error is not None:
         robot.stop()
         raise probe.error
     robot.move_joint(motion.q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     return log
+
+
+class _Standing:
+    """A robot as it stands, whom nobody moves."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.period, self.X_FP, self.calibration, self.servo_lag = (
+            robot.period, robot.X_FP, robot.calibration, robot.servo_lag,
+        )  # fmt: skip
+        self._state = robot.state()
+
+    def state(self) -> RobotState:
+        return self._state
+
+    def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
+        self._state = replace(self._state, time=self._state.time + self.period, sample=self._state.sample + 1)
+
+    def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
+        raise AssertionError("nobody moves it")
+
+    def tare(self) -> None:
+        raise AssertionError("nobody tares it")
+
+    def stop(self) -> None:
+        """It stands."""
 
 
 class _Probe:
@@ -170,6 +198,7 @@ class _Probe:
     ) -> None:
         """Every phase, to the end; `error` then says whether it was the good one."""
         cycle = 0
+        self._look_anew()
         while self._progress.phase is not Phase.DONE and self._refused <= REFUSALS:
             try:
                 check_interrupt()
@@ -183,6 +212,16 @@ class _Probe:
         if self._refused > REFUSALS:
             why = f"{self.error}; the robot takes no commands, so the probe was not retreated: move it away by hand"
             self.error = RobotError(why, self.error)
+
+    def rehearse(self) -> None:
+        """Two periods that load every kernel: a tenth of a second, in which a moving arm would miss its commands."""
+        for _ in range(2):
+            self._cycle(False)
+
+    def _look_anew(self) -> None:
+        """Begin with the state of now: on a robot whose clock runs by itself, the preparations have taken time."""
+        self._state = self.robot.state()
+        self._watch = Watch.beginning(self._observation())
 
     def _cycle(self, pause: bool) -> None:
         """One control period."""
@@ -298,6 +337,18 @@ def lifted_joints(
     X_lifted = arm.forward(motion.q[row]) @ X_FP
     X_lifted[:3, 3] -= motion.clearance * X_lifted[:3, 2]
     return arm.refined(motion.q[row], X_lifted @ se3.inverse(X_FP))
+
+
+@contextmanager
+def no_garbage_collection() -> Iterator[None]:
+    """Keep Python from looking for garbage inside the block: over a large program that takes tens of periods."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 @contextmanager

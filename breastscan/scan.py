@@ -126,6 +126,8 @@ def scan(
     clearances: Clearances | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
     keep: Keep = lambda motion, log, error: None,
+    *,
+    in_air: bool = False,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
 
@@ -138,6 +140,7 @@ def scan(
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
         on_plan: Shown the plan before the arm moves.
         keep: Is given the plan, what was measured, and the error that cuts the execution off.
+        in_air: Whether to travel the path at its clearance, without contact.
 
     Raises:
         CalibrationError: The rig has no hand-eye calibration.
@@ -154,7 +157,9 @@ def scan(
     log = MotionLog()
     with stages.stage("execution") as progress:
         try:
-            execution.execute(robot, plan.motion, config.contact, config.safety, log=log, progress=progress)
+            execution.execute(
+                robot, plan.motion, config.contact, config.safety, log=log, progress=progress, in_air=in_air
+            )
         except BaseException as error:
             keep(plan.motion, log, error)
             raise

@@ -1,18 +1,18 @@
 """One whole scan of the simulated phantom, measured against the truth: what does each stage get wrong?"""
 
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import polars as pl
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-from breastscan import metrics, record, report
+from breastscan import metrics, record, run_folder
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
+from breastscan.run_folder import Measured
 from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
 from experiments import error_analysis
@@ -26,15 +26,6 @@ from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.truth import Truth
 from sim.video import Footage, VideoConfig, render_video
-
-
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """What a scan did, and how far from the truth."""
-
-    result: ScanResult
-    trajectory: pl.DataFrame
-    metrics: dict[str, Any]
 
 
 @runtime_checkable
@@ -78,15 +69,16 @@ def run(
         The metrics, as in `metrics.json`.
     """
     estimated = None if rig is None else StereoRig.load(rig)
-    with record.staged(out) as folder, progress_bars(console) as listener:
+    with record.staged(out) as folder, run_folder.progress_bars(console) as listener:
         stages = Stages(listener)
         scene_config = seeded(scene_config, seed)
         scene, tissue = build_world(scene_config, stages)
         measured = measure(
             scene, tissue, config, stages, estimated,
-            aborted=lambda table, error: keep_aborted(out, table, error, console),
+            aborted=lambda table, error: run_folder.keep_aborted(out, table, error, console),
         )  # fmt: skip
-        write(folder, measured, {"seed": seed, "video": video, "rig": rig, "scan": config, "scene": scene_config})
+        settings = {"seed": seed, "video": video, "rig": rig, "scan": config, "scene": scene_config}
+        run_folder.write(folder, measured, settings)
         if video:
             with stages.stage("video") as report_share:
                 footage = _footage(measured.trajectory)
@@ -94,8 +86,8 @@ def run(
                 render_video(
                     scene, tissue, footage, folder / "scan.mp4", film, progress=lambda share, _: report_share(share)
                 )
-        write_report(folder, measured, stages)
-    summarise(out, measured, console)
+        run_folder.write_report(folder, measured, stages)
+    run_folder.summarise(out, measured, console)
     return measured.metrics
 
 
@@ -166,38 +158,6 @@ def _against_truth(result: ScanResult, rig: StereoRig, scene: Scene, truth: Trut
     return surface | calibration | error_analysis.path_metrics(result.plan.path, X_BS, truth)
 
 
-def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None:
-    """Everything but metrics, video and page."""
-    result = measured.result
-    record.write_json(folder / "config.json", {**settings, "versions": record.versions()})
-    record.write_image(folder / "left.png", result.images.left)
-    record.write_image(folder / "right.png", result.images.right)
-    record.write_image(folder / "disparity.png", record.disparity_picture(result.reconstruction.disparity))
-    record.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
-    record.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
-    measured.trajectory.write_parquet(folder / "trajectory.parquet")
-
-
-def keep_aborted(out: Path, table: pl.DataFrame, error: BaseException, console: Console) -> None:
-    """Save what was measured before a scan was cut off, and say where."""
-    folder = record.write_aborted(out, table, error)
-    console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
-
-
-def write_report(folder: Path, measured: Measured, stages: Stages) -> None:
-    """Metrics, with the wall time of each stage, and the page."""
-    with stages.stage("report"):
-        measured.metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
-        record.write_json(folder / "metrics.json", measured.metrics)
-        report.write(folder)
-
-
-def summarise(out: Path, measured: Measured, console: Console) -> None:
-    """The metrics in short, and where the page lies."""
-    console.print(report.summary(measured.metrics))
-    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
-
-
 def _footage(table: pl.DataFrame) -> Footage:
     return Footage(
         time=table["t"].to_numpy(),
@@ -213,21 +173,3 @@ def _fine_or_reason(console: Console) -> bool:
     if reason is not None:
         console.print(f"[yellow]The video is drawn by the classic renderer: {reason}.[/]")
     return reason is None
-
-
-@contextmanager
-def progress_bars(console: Console) -> Iterator[Callable[[str, float], None]]:
-    """A listener for `Stages` that shows one line of progress for each stage."""
-    progress = Progress(
-        TextColumn("{task.description:<14}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(), console=console,
-    )  # fmt: skip
-    tasks: dict[str, TaskID] = {}
-
-    def listen(stage: str, share: float) -> None:
-        if stage not in tasks:
-            tasks[stage] = progress.add_task(stage, total=1.0)
-        progress.update(tasks[stage], completed=share)
-
-    with progress:
-        yield listen

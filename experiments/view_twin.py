@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from breastscan import record
+from breastscan import record, run_folder
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.vision.camera import StereoRig
 from experiments import scan_twin
@@ -63,19 +63,19 @@ def run(
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     scene_config = scan_twin.seeded(scene_config, seed)
-    with scan_twin.progress_bars(console) as listener:
+    with run_folder.progress_bars(console) as listener:
         scene, tissue = scan_twin.build_world(scene_config, Stages(listener))
     with LiveView(scene, live, config.contact.force) as view:
         with record.staged(out) as folder:
             stages = Stages(view.stage)
             measured = scan_twin.measure(
                 scene, tissue, config, stages, estimated, _Onlooker(view),
-                aborted=lambda table, error: scan_twin.keep_aborted(out, table, error, console),
+                aborted=lambda table, error: run_folder.keep_aborted(out, table, error, console),
             )  # fmt: skip
             settings = {"seed": seed, "video": False, "rig": rig, "scan": config, "scene": scene_config}
-            scan_twin.write(folder, measured, settings)
-            scan_twin.write_report(folder, measured, stages)
-        scan_twin.summarise(out, measured, console)
+            run_folder.write(folder, measured, settings)
+            run_folder.write_report(folder, measured, stages)
+        run_folder.summarise(out, measured, console)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):
             view.linger(tuple((name, f"{measured.metrics[name]:.3f}") for name in SHOWN if name in measured.metrics))

@@ -29,10 +29,10 @@ from breastscan.robot.rtde import FREQUENCY, LOOKAHEAD_TIME
 from breastscan.robot.shared_state import ControllerState, SharedState
 from breastscan.robot.worker import TARGET, WorkerSetup, serve
 
-TRANSPORT = 0.006
-"""From the sending of a target to the first state that shows its effect [s]: one period each for the program to read
-it, for the motion to begin, and for the state to come."""
-ANSWER_TIME = 0.05
+TRANSPORT = 0.004
+"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
+told."""
+ANSWER_TIME = 0.1
 """Longest wait for the state after a target [s]; the worker tells of a silence sooner, unless it hangs itself."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
@@ -167,8 +167,9 @@ class RtdeRobot:
         self._request("zero_sensor")
         self._zero_P = np.zeros(6)
         wrenches = []
-        for _ in range(round(TARE_TIME / self.period)):
-            self.servo_joint(self._target)
+        until = self.state().time + TARE_TIME
+        while not wrenches or self.state().time < until:
+            self._wait_for(self._number, after=self.state().time)
             wrenches.append(self.state().wrench_P)
         self._zero_P = np.mean(wrenches, axis=0)
 
@@ -280,10 +281,10 @@ class RtdeRobot:
             f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
         )
 
-    def _wait_for(self, number: int) -> None:
-        """Until a state came after target `number`."""
+    def _wait_for(self, number: int, after: float = -math.inf) -> None:
+        """Until a state came after target `number`, and is newer than `after` on the controller's clock [s]."""
         until = time.monotonic() + ANSWER_TIME
-        while self._sound(self._shared.read()).answers < number:
+        while (state := self._sound(self._shared.read())).answers < number or state.time <= after:
             ready, _, _ = select.select([self._targets], [], [], max(until - time.monotonic(), 0.0))
             if not ready:
                 raise faults.error(Fault.SILENCE)

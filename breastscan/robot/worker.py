@@ -76,11 +76,12 @@ class Worker:
         self.link = Link(setup.host)
         if not self.link.set_tool(setup.tip_F, setup.payload):
             raise RuntimeError("the controller takes neither TCP nor payload")
-        if not self.link.arm_watchdog(WATCHDOG_FREQUENCY):
-            raise RuntimeError("the controller does not arm its watchdog")
         self._shared, self._targets, self._requests = shared, targets, requests
         self._target: np.ndarray | None = None
         self._number = 0
+        self._armed = False
+        """Whether the watchdog is: from the first target on. A parked arm may be left alone, however busy the computer
+        is with pictures."""
         self._moving = False
         self._idle = 0
         """States since the latest target."""
@@ -95,7 +96,7 @@ class Worker:
         while self._listen():
             if self.link.time != self._reading.time:
                 self._take(self.link.read())
-            elif time.monotonic() - self._seen > STALE_TIME:
+            elif self._streaming and time.monotonic() - self._seen > STALE_TIME:
                 self._fail(Fault.SILENCE)
             if not self.link.connected:
                 self._fail(Fault.LOST)
@@ -124,10 +125,19 @@ class Worker:
 
     def _follow(self, number: int, *q: float) -> None:
         """Send a target of the parent's."""
+        if not self._armed:
+            self._armed = self.link.arm_watchdog(WATCHDOG_FREQUENCY)
+            if not self._armed:
+                self._fail(self._diagnosis(self.link.read()) or Fault.REFUSED)
         target = np.array(q)
         self._moving = self._target is not None and bool(np.abs(target - self._target).max() > MOVING)
         self._target, self._number, self._idle = target, number, 0
         self._command()
+
+    @property
+    def _streaming(self) -> bool:
+        """Whether targets are coming; between two motions they are not, and a silence may end unnoticed."""
+        return self._target is not None and self._idle <= LATE_PERIODS
 
     def _command(self) -> None:
         """One package to the controller, unless there is a fault; the first refusal is the last command."""

@@ -1,0 +1,164 @@
+"""Before anything moves: is this the controller it should be, in a state to be driven?
+
+Asked over two of the controller's own services, with sockets of our own: the version over RTDE, everything else of the
+dashboard, which software from version 10 on does not have.
+"""
+
+import socket
+import struct
+from dataclasses import dataclass
+
+from breastscan.errors import RobotError
+
+RTDE_PORT, DASHBOARD_PORT = 30004, 29999
+"""Fixed by the controller [UR-rtde-guide]."""
+ANSWER_TIME = 2.5
+"""Longest wait for an answer [s]."""
+MODEL = "UR5"
+"""What a UR5e's dashboard calls itself; its software tells it from the older UR5."""
+OLDEST_SOFTWARE = 5
+"""First major version of the e-Series."""
+WITHOUT_DASHBOARD = 10
+"""First major version that has none."""
+VERSION_REQUEST = struct.pack(">HB", 3, ord("v"))
+"""RTDE message that asks for the controller's version [UR-rtde-guide]."""
+VERSION_REPLY = struct.Struct(">HB4I")
+"""Size, type, and major, minor, bugfix, build."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """Which controller answered."""
+
+    host: str
+    """Its name or address."""
+    version: tuple[int, int, int, int]
+    """Of its software."""
+    model: str
+    """As its dashboard says it; empty where it has none."""
+    serial: str
+    """Serial number; empty where it has no dashboard."""
+
+
+def examine(host: str) -> Controller:
+    """Ask a controller who it is, and refuse one that cannot be driven.
+
+    Raises:
+        RobotError: Nothing answers, it is no UR5e, or it is not ready: says which, and the cure.
+    """
+    version = software_version(host)
+    if version[0] < OLDEST_SOFTWARE:
+        raise RobotError(
+            f"the controller at {host} runs software {_dotted(version)}, expected {OLDEST_SOFTWARE}.0 or newer, which "
+            "a UR5e has: this is an older UR5, which this program does not drive",
+            version,
+        )
+    if version[0] >= WITHOUT_DASHBOARD:
+        return Controller(host=host, version=version, model="", serial="")
+    with _Dashboard(host) as dashboard:
+        controller = Controller(
+            host=host,
+            version=version,
+            model=dashboard.ask("get robot model"),
+            serial=dashboard.ask("get serial number"),
+        )
+        if controller.model.upper() not in (MODEL, f"{MODEL}E"):
+            raise RobotError(
+                f"the robot at {host} is a {controller.model}, expected a UR5e: give another address with --robot",
+                controller.model,
+            )
+        _require_ready(dashboard, host)
+    return controller
+
+
+def software_version(host: str) -> tuple[int, int, int, int]:
+    """Version of a controller's software.
+
+    Raises:
+        RobotError: Nothing answers there, or something else does.
+    """
+    with _connected(host, RTDE_PORT, "RTDE") as connection:
+        try:
+            connection.sendall(VERSION_REQUEST)
+            reply = _receive(connection, VERSION_REPLY.size)
+        except OSError as error:
+            raise _no_controller(host, str(error)) from error
+    size, kind, *version = VERSION_REPLY.unpack(reply) if len(reply) == VERSION_REPLY.size else (0, 0)
+    if size != VERSION_REPLY.size or kind != ord("v"):
+        raise _no_controller(host, "it does not tell its version")
+    major, minor, bugfix, build = version
+    return major, minor, bugfix, build
+
+
+def _require_ready(dashboard: "_Dashboard", host: str) -> None:
+    checks = (
+        ("robotmode", "RUNNING", "power it on and release the brakes, on the pendant"),
+        ("safetymode", "NORMAL", "clear the stop on the pendant, after looking why it came"),
+        (
+            "is in remote control",
+            "TRUE",
+            "remote control is off: switch it on, top right on the pendant",
+        ),
+    )
+    for question, expected, cure in checks:
+        answer = dashboard.ask(question)
+        if answer.rpartition(":")[2].strip().upper() != expected:
+            raise RobotError(
+                f"the robot at {host} answers {answer!r} to {question!r}, expected {expected}: {cure}", answer
+            )
+
+
+class _Dashboard:
+    """One line asked, one line answered."""
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+
+    def __enter__(self) -> "_Dashboard":
+        self._connection = _connected(self._host, DASHBOARD_PORT, "dashboard server")
+        self._lines = self._connection.makefile("rw", encoding="utf-8", newline="\n")
+        self._lines.readline()  # it greets first
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lines.close()
+        self._connection.close()
+
+    def ask(self, question: str) -> str:
+        try:
+            self._lines.write(question + "\n")
+            self._lines.flush()
+            return self._lines.readline().strip()
+        except OSError as error:
+            raise _no_controller(self._host, f"its dashboard is silent ({error})") from error
+
+
+def _connected(host: str, port: int, service: str) -> socket.socket:
+    try:
+        return socket.create_connection((host, port), timeout=ANSWER_TIME)
+    except socket.gaierror as error:
+        raise RobotError(f"there is no host {host!r}: check the name in --robot rtde://HOST", host) from error
+    except OSError as error:
+        raise RobotError(
+            f"no controller answers at {host}, port {port} ({error.strerror or error}): check the address and the "
+            f"cable, that the controller is on, and that its {service} is allowed under Settings, Security, Services",
+            host,
+        ) from error
+
+
+def _receive(connection: socket.socket, size: int) -> bytes:
+    received = b""
+    while len(received) < size:
+        more = connection.recv(size - len(received))
+        if not more:
+            break
+        received += more
+    return received
+
+
+def _no_controller(host: str, why: str) -> RobotError:
+    return RobotError(f"what answers at {host} is no UR controller ({why}): check the address in --robot", host)
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
