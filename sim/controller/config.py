@@ -24,6 +24,9 @@ class ControllerConfig:
     remote_control: bool = True
     """Whether the teach pendant has handed over."""
 
+    real_time: bool = True
+    """Whether to ask the system for real-time priority."""
+
     def __post_init__(self) -> None:
         try:
             address = ipaddress.ip_address(self.host)

@@ -42,7 +42,7 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     robot = SimRobot(scene, build_mechanics(scene.phantom))
     robot.limit_truth(round(KEPT_TRUTH / PERIOD))
     server = Server(Controller(robot, config, scene_config.mount_angle, tell))
-    granted = ask_for_priority()
+    granted = config.real_time and ask_for_priority()
     tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))
     with _told_to_end() as ended:
         server.serve(ended)
