@@ -52,6 +52,7 @@ def twin_imports() -> Iterator[None]:
 
 
 def _scan() -> Callable:
+    from breastscan.robot.worker import LinkLimits
     from breastscan.scan import ScanConfig
 
     with twin_imports():
@@ -69,6 +70,7 @@ def _scan() -> Callable:
         calibration: Path | None = None,
         dry_run: bool = False,
         yes: bool = False,
+        link: LinkLimits = LinkLimits(),  # noqa: B008 (frozen)
         plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
         scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
     ) -> None:
@@ -87,6 +89,7 @@ def _scan() -> Callable:
             calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of ur_calibration.
             dry_run: Whether a robot travels the path in the air, without contact.
             yes: Whether a robot may touch without a question.
+            link: How long robot and program may say nothing to each other.
             plan: Every setting of the pipeline.
             scene: Every setting of the simulated world; a robot's mount and cell as well.
         """
@@ -99,7 +102,7 @@ def _scan() -> Callable:
             from experiments import scan_cell
 
             options = scan_cell.CellScan(
-                robot=robot, camera=camera, calibration=calibration, rig=rig, dry_run=dry_run, consent=yes
+                robot=robot, camera=camera, calibration=calibration, rig=rig, dry_run=dry_run, consent=yes, link=link
             )
             scan_cell.run(out, options, seed=seed, config=plan, scene_config=scene, console=console)
 

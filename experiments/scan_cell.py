@@ -4,7 +4,7 @@ The scene gives the mount, the payload, and the shapes that the arm must keep cl
 cameras as well. Nothing of it knows the truth here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from breastscan import scan_robot
 from breastscan.robot.cameras import open_camera
 from breastscan.robot.interface import StereoCamera
 from breastscan.robot.rtde_robot import RtdeConfig
+from breastscan.robot.worker import LinkLimits
 from breastscan.scan import ScanConfig
 from breastscan.scan_robot import RobotScan
 from breastscan.vision.camera import StereoRig
@@ -43,6 +44,8 @@ class CellScan:
     """Whether to travel the path in the air."""
     consent: bool = False
     """Whether the user has agreed to the contact beforehand."""
+    link: LinkLimits = field(default_factory=LinkLimits)
+    """How long robot and program may say nothing to each other."""
 
 
 def run(
@@ -52,7 +55,11 @@ def run(
     host = scan_robot.host_of(options.robot)
     scene = Scene(seeded(scene_config, seed))
     robot = RtdeConfig(
-        host=host, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), calibration=options.calibration
+        host=host,
+        X_FP=scene.X_FP,
+        payload=payload(scene.config.mount_angle),
+        limits=options.link,
+        calibration=options.calibration,
     )
     setup = RobotScan(
         robot=robot,

@@ -11,7 +11,7 @@ import select
 import socket
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +27,12 @@ from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from breastscan.robot.rtde import FREQUENCY, LOOKAHEAD_TIME
 from breastscan.robot.shared_state import ControllerState, SharedState
-from breastscan.robot.worker import TARGET, WorkerSetup, serve
+from breastscan.robot.worker import TARGET, LinkLimits, WorkerSetup, serve
 
 TRANSPORT = 0.004
 """What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
 told."""
-ANSWER_TIME = 0.1
+ANSWER_TIME = 0.2
 """Longest wait for the state after a target [s]; the worker tells of a silence sooner, unless it hangs itself."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
@@ -64,6 +64,8 @@ class RtdeConfig:
     """Pose of the probe tip in the flange [m]; the controller is given it as its TCP."""
     payload: Payload
     """What hangs on the wrist sensor; the controller is given it."""
+    limits: LinkLimits = field(default_factory=LinkLimits)
+    """When the arm is no longer driven."""
     calibration: Path | None = None
     """File of the arm's own kinematics (`geometry.calibration_file`); None goes by the drawing, which may be off by
     millimetres."""
@@ -153,6 +155,7 @@ class RtdeRobot:
         """
         targets.check_angles(q)
         targets.check_motion(speed, acceleration)
+        self._recover()
         self._brake()
         for target in trapezoid(self._target, q, speed, acceleration, self.period):
             self.servo_joint(target)
@@ -176,9 +179,9 @@ class RtdeRobot:
     def stop(self) -> None:
         """Brake along the present course and stay there. Where no command is taken, the controller has stopped it."""
         with suppress(RobotError):
-            if self._shared.read().fault in faults.PASSING and self._request("clear"):
-                self._brake()
-                self._settle()
+            self._recover()
+            self._brake()
+            self._settle()
 
     def freedrive(self, on: bool) -> None:
         """Let the arm be led by hand, to teach it a pose, or end that where it then is.
@@ -219,7 +222,12 @@ class RtdeRobot:
         self._shared = SharedState(self._context)
         self._targets, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._requests, answers = self._context.Pipe()
-        setup = WorkerSetup(host=self._config.host, tip_F=_tip_F(self._config.X_FP), payload=self._config.payload)
+        setup = WorkerSetup(
+            host=self._config.host,
+            tip_F=_tip_F(self._config.X_FP),
+            payload=self._config.payload,
+            limits=self._config.limits,
+        )
         self._process = self._context.Process(
             target=serve, args=(setup, self._shared, theirs, answers), name="breastscan-rtde", daemon=True
         )
@@ -262,6 +270,17 @@ class RtdeRobot:
             self._sound(self._shared.read())
             raise RobotError(f"the controller refused {name!r}: read the pendant's log", name)
         return True
+
+    def _recover(self) -> None:
+        """Have commands taken again after a fault that has passed; the arm then rests at the latest target.
+
+        Raises:
+            RobotError: The fault has not passed.
+        """
+        fault = self._shared.read().fault
+        if fault is not Fault.NONE and fault in faults.PASSING:
+            self._request("clear")
+            self._stand_at(self._target)
 
     def _brake(self) -> None:
         speed = (self._target - self._before) / self.period

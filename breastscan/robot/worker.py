@@ -17,28 +17,46 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from breastscan.errors import ConfigError
 from breastscan.robot import faults
 from breastscan.robot.faults import PASSING, Fault
 from breastscan.robot.payload import Payload
-from breastscan.robot.rtde import Link, Reading
+from breastscan.robot.rtde import FREQUENCY, Link, Reading
 from breastscan.robot.shared_state import ControllerState, SharedState
 
 TARGET = struct.Struct("q6d")
 """A message of the parent: the target's number, and the target [rad]."""
 POLL_TIME = 2e-4
 """Between two looks at the library's state, which wakes nobody [s]."""
-STALE_TIME = 0.02
-"""Age at which the latest state is a fault [s]: ten periods, in which a probe at 25 mm/s goes .5 mm."""
-LATE_PERIODS = 10
-"""Periods for which a moving arm's last target is repeated."""
 REPEAT_PERIODS = 2
 """Periods without a target from which on the last one is repeated: a target that is late by less is still to come."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""
-WATCHDOG_FREQUENCY = 20.0
-"""Of the controller's watchdog [Hz]: it waits 50 ms, which leaves 50 to stop in."""
+PERIOD = 1 / FREQUENCY
+"""Of the controller [s]."""
+LONGEST = 0.2
+"""Longest that a limit may be [s]: the arm is under force control meanwhile."""
 PRIORITY = 20
 """Real-time priority that is asked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkLimits:
+    """How long either end may say nothing while the arm is driven."""
+
+    silence: float = 0.02
+    """Age at which the controller's latest state is a fault [s]: ten periods, in which a probe at 25 mm/s goes
+    .5 mm."""
+    lateness: float = 0.02
+    """Time for which a moving arm's last target is repeated [s]."""
+    watchdog: float = 0.05
+    """Time after which the controller stops by itself [s]: of a tenth of a second, half is left to stop in."""
+
+    def __post_init__(self) -> None:
+        for name in ("silence", "lateness", "watchdog"):
+            value = getattr(self, name)
+            if not PERIOD < value <= LONGEST:
+                raise ConfigError(f"link.{name} must lie in {PERIOD} .. {LONGEST} s, got {value} s", value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +69,8 @@ class WorkerSetup:
     """Pose of the probe tip in the flange: position [m] and rotation vector [rad]."""
     payload: Payload
     """What hangs on the wrist sensor."""
+    limits: LinkLimits
+    """When the arm is no longer driven."""
 
 
 def serve(setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection) -> None:
@@ -76,6 +96,7 @@ class Worker:
         self.link = Link(setup.host)
         if not self.link.set_tool(setup.tip_F, setup.payload):
             raise RuntimeError("the controller takes neither TCP nor payload")
+        self._limits = setup.limits
         self._shared, self._targets, self._requests = shared, targets, requests
         self._target: np.ndarray | None = None
         self._number = 0
@@ -96,7 +117,7 @@ class Worker:
         while self._listen():
             if self.link.time != self._reading.time:
                 self._take(self.link.read())
-            elif self._streaming and time.monotonic() - self._seen > STALE_TIME:
+            elif self._streaming and time.monotonic() - self._seen > self._limits.silence:
                 self._fail(Fault.SILENCE)
             if not self.link.connected:
                 self._fail(Fault.LOST)
@@ -126,7 +147,7 @@ class Worker:
     def _follow(self, number: int, *q: float) -> None:
         """Send a target of the parent's."""
         if not self._armed:
-            self._armed = self.link.arm_watchdog(WATCHDOG_FREQUENCY)
+            self._armed = self.link.arm_watchdog(1 / self._limits.watchdog)
             if not self._armed:
                 self._fail(self._diagnosis(self.link.read()) or Fault.REFUSED)
         target = np.array(q)
@@ -137,7 +158,7 @@ class Worker:
     @property
     def _streaming(self) -> bool:
         """Whether targets are coming; between two motions they are not, and a silence may end unnoticed."""
-        return self._target is not None and self._idle <= LATE_PERIODS
+        return self._target is not None and self._idle * PERIOD <= self._limits.lateness
 
     def _command(self) -> None:
         """One package to the controller, unless there is a fault; the first refusal is the last command."""
@@ -156,7 +177,7 @@ class Worker:
         self._reading, self._seen = reading, time.monotonic()
         self._fail(self._diagnosis(reading))
         self._idle += 1
-        if self._idle > LATE_PERIODS and self._moving:
+        if self._idle * PERIOD > self._limits.lateness and self._moving:
             self._fail(Fault.LATE)
         if self._idle > REPEAT_PERIODS:
             self._command()
@@ -164,7 +185,7 @@ class Worker:
 
     def _diagnosis(self, reading: Reading) -> Fault:
         found = faults.diagnose(reading.safety_bits, reading.runtime_state)
-        if found is Fault.PROGRAM and time.monotonic() - self._sent > 1 / WATCHDOG_FREQUENCY:
+        if found is Fault.PROGRAM and time.monotonic() - self._sent > self._limits.watchdog:
             return Fault.WATCHDOG
         return found
 
@@ -193,7 +214,7 @@ class Worker:
 
     def clear(self) -> bool:
         """Take commands again after a fault that passed; False where it did not."""
-        stale = time.monotonic() - self._seen > STALE_TIME
+        stale = time.monotonic() - self._seen > self._limits.silence
         if self._fault in PASSING and not stale:
             self._fault, self._moving = Fault.NONE, False
             self._publish()
