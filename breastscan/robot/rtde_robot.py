@@ -66,6 +66,8 @@ class RtdeConfig:
     """What hangs on the wrist sensor; the controller is given it."""
     limits: LinkLimits = field(default_factory=LinkLimits)
     """When the arm is no longer driven."""
+    real_time: bool = True
+    """Whether to ask the system for real-time priority."""
     calibration: Path | None = None
     """File of the arm's own kinematics (`geometry.calibration_file`); None goes by the drawing, which may be off by
     millimetres."""
@@ -227,6 +229,7 @@ class RtdeRobot:
             tip_F=_tip_F(self._config.X_FP),
             payload=self._config.payload,
             limits=self._config.limits,
+            real_time=self._config.real_time,
         )
         self._process = self._context.Process(
             target=serve, args=(setup, self._shared, theirs, answers), name="breastscan-rtde", daemon=True

@@ -69,6 +69,8 @@ class WorkerSetup:
     """Pose of the probe tip in the flange: position [m] and rotation vector [rad]."""
     payload: Payload
     """What hangs on the wrist sensor."""
+    real_time: bool
+    """Whether to ask for real-time priority."""
     limits: LinkLimits
     """When the arm is no longer driven."""
 
@@ -76,8 +78,9 @@ class WorkerSetup:
 def serve(setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection) -> None:
     """Run until the parent closes its end, or the link is lost; the process then ends without destructors."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle: it retreats first
-    with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    if setup.real_time:
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     try:
         worker = Worker(setup, shared, targets, requests)
     except RuntimeError as error:
