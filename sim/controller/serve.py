@@ -41,6 +41,7 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     scene = Scene(replace(scene_config, servo=servo))
     robot = SimRobot(scene, build_mechanics(scene.phantom))
     robot.limit_truth(round(KEPT_TRUTH / PERIOD))
+    robot.follow(robot.course[0])  # compiled before a client could miss a cycle by it
     server = Server(Controller(robot, config, scene_config.mount_angle, tell))
     granted = config.real_time and ask_for_priority()
     tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))

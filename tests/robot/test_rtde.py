@@ -75,16 +75,18 @@ def connected(twin, scene):
     robot.close()
 
 
+@pytest.mark.timing
 class TestRtdeRobot(RobotContract):
     # a controller's clock goes on while a busy computer misses a period, and the motion is slower by as much
-    CLOCK_SLACK = 0.4
-    LAG_SLACK = 0.016
+    CLOCK_SLACK = 0.1
+    LAG_SLACK = 0.004
 
     @pytest.fixture
     def robot(self, connected):
         return connected
 
 
+@pytest.mark.timing
 def test_the_wrench_is_the_twins_own_after_a_tare(connected, twin):
     connected.tare()
     still = [connected.state().q] * 100
@@ -92,16 +94,17 @@ def test_the_wrench_is_the_twins_own_after_a_tare(connected, twin):
     assert np.linalg.norm(force_P) < 0.1
 
 
+@pytest.mark.timing
 def test_one_command_goes_out_a_period(connected, twin):
     still = connected.state().q
     send(connected, [still] * 20)
     twin.do("reset")
     send(connected, [still] * 500)
     none, one, more = twin.do("status")["cycles"]
-    assert more < 0.05 * (none + one + more)
-    assert one > 0.5 * (none + one + more)
+    assert one > 0.9 * (none + one + more)
 
 
+@pytest.mark.timing
 def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected):
     connected.move_joint(RobotContract.Q_START, 0.5, 1.0)
     moving = connected.state().q + np.outer(np.arange(100) * 2e-4, np.ones(6))
@@ -115,6 +118,7 @@ def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected):
     send(connected, [moving[-1]] * 10)
 
 
+@pytest.mark.timing
 def test_digital_outputs_reach_the_controller(connected, twin):
     connected.set_digital_output(3, True)
     time.sleep(0.1)
@@ -173,6 +177,12 @@ def ask_dashboard(*lines):
             stream.readline()
 
 
+def recover(twin, robot):
+    twin.do("release")
+    ask_dashboard("unlock protective stop", "power on", "brake release")
+    robot.reconnect()
+
+
 FAULTS = {
     "protective stop": (lambda twin, robot: twin.do("protective_stop"), Fault.PROTECTIVE_STOP, DETECTED),
     "emergency stop": (lambda twin, robot: twin.do("emergency_stop"), Fault.EMERGENCY_STOP, DETECTED),
@@ -183,6 +193,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_where_it_was(
     name, connected, twin, motion
@@ -190,6 +201,7 @@ def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_w
     spring, fault, within = FAULTS[name]
     log = MotionLog()
     trap = Trap(connected, log, lambda: spring(twin, connected))
+    recover(twin, connected)
     connected.move_joint(motion.q_home, 0.6, 0.8)
     twin.do("reset")
     with pytest.raises(RobotError, match=name) as caught:
@@ -204,9 +216,7 @@ def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_w
     assert np.abs(status["qd"]).max() < STOPPED
     assert status["highest_force"] < HIGHEST_FORCE
 
-    twin.do("release")
-    ask_dashboard("unlock protective stop", "power on", "brake release")
-    connected.reconnect()
+    recover(twin, connected)
     rest = execution.execute(connected, motion, CONFIG, BUSY, start=log.last_row)
     rows = [entry["row"] for entry in rest.rows if entry["phase"] is Phase.LOOP]
     assert abs(rows[0] - log.last_row) < 5
@@ -224,6 +234,7 @@ def hold_on(host, scene_config, started):
             started.set()
 
 
+@pytest.mark.timing
 def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(twin, connected, scene):
     connected.close()
     context = multiprocessing.get_context("spawn")
@@ -251,6 +262,7 @@ def _parent(pid):
         return None
 
 
+@pytest.mark.timing
 def test_a_controller_that_is_killed_is_told_and_a_new_one_is_taken_over(scene):
     with served(OTHER_HOST) as process:
         robot = RtdeRobot(setup(scene, OTHER_HOST))
