@@ -117,6 +117,9 @@ def cases() -> dict[str, Case]:
         "perturbed: 1.5 x 40 kPa, 42 ms, breathing": Case(
             plant=lambda s: _plant("industrial", s, sine(phase=s), young=60e3, lag=0.042), bar=0.25
         ),
+        "perturbed: 60 kPa, 10 N, 42 ms, breathing": Case(
+            plant=lambda s: _plant("industrial", s, cos4(phase=s), young=60e3, lag=0.042), bar=0.5, force=10.0
+        ),
         "perturbed: 1.5 x 40 kPa, 42 ms, nearer": Case(
             plant=lambda s: _plant("industrial", s, up, young=60e3, lag=0.042), bar=0.25
         ),

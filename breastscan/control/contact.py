@@ -78,13 +78,16 @@ class ContactMemory:
     """Of the sensor's noise, seen in the air [N^2]."""
     surface: Surface | None
     """What is believed about the skin; None before it was met."""
+    stiffness: float
+    """The stiffest that it was found to be, in contacts that ended [N^(2/3)/m]: what threw the probe off once would
+    do so again."""
     law: LawMemory
 
     @staticmethod
     def resting(depth: float, period: float) -> "ContactMemory":
         """At rest in the air, `depth` [m] from the planned skin."""
         servo = ServoModel.resting(depth, period)
-        return ContactMemory(depth, 0.0, servo, Filtered(), 0.0, 0.0, None, LawMemory(Filtered()))
+        return ContactMemory(depth, 0.0, servo, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered()))
 
     @property
     def noise(self) -> float:
@@ -109,19 +112,21 @@ def sense(memory: ContactMemory, force: float, config: ContactConfig, period: fl
         variance += (0.5 * (force - memory.last) ** 2 - variance) * period / NOISE_TIME
     else:
         surface = surface.after(memory.servo.position, force, memory.noise, config.surface, period)
-    return ContactMemory(memory.depth, memory.rate, memory.servo, slow, force, variance, surface, memory.law)
+    return replace(memory, slow=slow, last=force, variance=variance, surface=surface)
 
 
 def meet(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
     """Begin a contact: the skin is where the tip feels it."""
     force = memory.slow.force
-    surface = Surface.met(memory.servo.position, force, config.surface)
+    stiffness = max(memory.stiffness, config.surface.stiffness)
+    surface = Surface.met(memory.servo.position, force, stiffness, config.surface)
     return replace(memory, surface=surface, law=LawMemory(Filtered(force)))
 
 
 def leave(memory: ContactMemory) -> ContactMemory:
-    """End a contact: what was believed about the skin is forgotten."""
-    return replace(memory, surface=None)
+    """End a contact: where the skin was believed to be is forgotten, not how stiff it is."""
+    assert memory.surface is not None, "a contact ends after `meet`"
+    return replace(memory, surface=None, stiffness=max(memory.stiffness, memory.surface.stiffness))
 
 
 def advance(memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float) -> ContactMemory:
@@ -182,4 +187,4 @@ def _moved(
 ) -> ContactMemory:
     """The state after a period that ends with a commanded depth [m]."""
     servo = memory.servo.after(depth, lag, period)
-    return ContactMemory(depth, rate, servo, memory.slow, memory.last, memory.variance, memory.surface, law)
+    return replace(memory, depth=depth, rate=rate, servo=servo, law=law)

@@ -39,17 +39,17 @@ class FuzzyGains:
 
     error_scale: float = 1.0
     """Force error that is called big [N]."""
-    change_scale: float = 10.0
+    change_scale: float = 26.0
     """Change of the error that is called big [N/s]."""
-    proportional: float = 0.010
+    proportional: float = 0.0135
     """Speed of the correction per force error [m/s/N]."""
-    proportional_swing: float = 0.5
+    proportional_swing: float = 0.35
     """Share of it that the rules add or take away at most [-]."""
-    derivative: float = 2e-4
+    derivative: float = 2e-6
     """Speed of the correction per change of the force error [m/N]."""
-    derivative_swing: float = 0.5
+    derivative_swing: float = 0.93
     """Share of it that the rules add or take away at most [-]."""
-    filter_hz: float = 25.0
+    filter_hz: float = 88.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:

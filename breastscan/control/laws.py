@@ -3,6 +3,9 @@
 Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the robot, at 500 or
 125 Hz. The command is a speed: as an offset of the pose, a law without an integral could not hold a force on an elastic
 body. What was sent in the end, after every limit, comes back in `Seen.rate`: no law winds up against a limit.
+
+The gains come from one search for all laws, on a model of the contact (`experiments.tune_force`). Each law is half as
+fast here as is best there, so that it does not swing on what answers harder than the model.
 """
 
 from collections.abc import Callable
@@ -49,11 +52,11 @@ class Reference:
 class AdmittanceGains:
     """A mass and a damper that the force error moves."""
 
-    mass: float = 2.0
+    mass: float = 0.33
     """[kg]"""
-    damping: float = 100.0
+    damping: float = 70.0
     """[N s/m]"""
-    filter_hz: float = 25.0
+    filter_hz: float = 100.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
@@ -64,11 +67,11 @@ class AdmittanceGains:
 class PdGains:
     """Speed proportional to the force error and to its change."""
 
-    proportional: float = 0.010
+    proportional: float = 0.014
     """[m/s/N]"""
-    derivative: float = 1e-4
+    derivative: float = 7e-7
     """[m/N]"""
-    filter_hz: float = 25.0
+    filter_hz: float = 44.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
@@ -79,11 +82,11 @@ class PdGains:
 class PiGains:
     """Speed proportional to the force error and to its integral."""
 
-    proportional: float = 0.010
+    proportional: float = 0.0093
     """[m/s/N]"""
-    integral: float = 0.01
+    integral: float = 0.05
     """[m/s^2/N]"""
-    filter_hz: float = 25.0
+    filter_hz: float = 100.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
@@ -94,11 +97,11 @@ class PiGains:
 class PiStiffnessGains:
     """The same law on the force error over the estimated stiffness: an error of indentation."""
 
-    proportional: float = 8.0
+    proportional: float = 13.5
     """[1/s]"""
-    integral: float = 8.0
+    integral: float = 50.0
     """[1/s^2]"""
-    filter_hz: float = 25.0
+    filter_hz: float = 34.0
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
@@ -109,7 +112,7 @@ class PiStiffnessGains:
 class ObserverGains:
     """The tip goes where the skin will be once the servo has followed."""
 
-    closing_time: float = 0.08
+    closing_time: float = 0.05
     """Time constant with which the tip closes up to there [s]."""
 
     def __post_init__(self) -> None:

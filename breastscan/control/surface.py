@@ -31,9 +31,9 @@ class SurfaceConfig:
     """Its uncertainty, as a logarithm [-]: a rigid print, sixteen times as stiff, lies within two sigma."""
     stiffness_drift: float = 0.01
     """How fast it may change along the path, as a logarithm [1/sqrt(s)]."""
-    unrest: float = 0.008
+    unrest: float = 0.012
     """How fast the skin's speed may change [m/s/sqrt(s)]."""
-    force_noise: float = 0.15
+    force_noise: float = 0.1
     """Least error of a force sample against the model [N]."""
     noise_factor: float = 3.0
     """By how much that of a noisy sensor is greater than its noise [-]: its samples are not independent."""
@@ -56,15 +56,15 @@ class Surface:
     """Upper triangle, row by row."""
 
     @staticmethod
-    def met(depth: float, force: float, config: SurfaceConfig) -> "Surface":
-        """At first contact, with the tip at `depth` [m] and a force [N]."""
-        indentation = max(force, 0.0) ** (1 / EXPONENT) / config.stiffness
+    def met(depth: float, force: float, stiffness: float, config: SurfaceConfig) -> "Surface":
+        """At first contact, with the tip at `depth` [m] and a force [N]; about so stiff [N^(2/3)/m]."""
+        indentation = max(force, 0.0) ** (1 / EXPONENT) / stiffness
         spread = config.stiffness_spread
         along = indentation * spread**2  # a stiffer tissue is indented less: both errors go together
         return Surface(
             depth - indentation,
             0.0,
-            math.log(config.stiffness),
+            math.log(stiffness),
             (along * indentation + FIRST_POSITION**2, 0.0, along, FIRST_SPEED**2, 0.0, spread**2),
         )
 

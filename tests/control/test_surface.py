@@ -18,7 +18,7 @@ def followed(stiffness, skin=lambda t: 0.0, noise=0.05, duration=4.0, exponent=E
         indentation = max(depth - skin(time), 0.0)
         force = 5.0 * (stiffness * indentation / 5.0 ** (1 / EXPONENT)) ** exponent + noise * rng.standard_normal()
         if surface is None and force > 0.5:
-            surface = Surface.met(depth, force, CONFIG)
+            surface = Surface.met(depth, force, CONFIG.stiffness, CONFIG)
         if surface is not None:
             surface = surface.after(depth, force, noise, CONFIG, PERIOD)
     return surface
@@ -51,7 +51,7 @@ def test_the_force_it_expects_is_the_one_that_comes_although_the_law_of_the_tiss
 
 
 def test_slope_and_indentation_belong_to_the_force():
-    surface = Surface.met(0.001, 0.5, CONFIG)
+    surface = Surface.met(0.001, 0.5, CONFIG.stiffness, CONFIG)
     depth = surface.position + surface.indentation(4.0)
     assert surface.force(depth) == pytest.approx(4.0)
     numeric = (surface.force(depth + 1e-7) - surface.force(depth - 1e-7)) / 2e-7
@@ -66,7 +66,7 @@ def test_the_covariance_stays_positive():
 
 
 def test_in_the_air_nothing_is_learnt():
-    met = Surface.met(0.001, 0.5, CONFIG)
+    met = Surface.met(0.001, 0.5, CONFIG.stiffness, CONFIG)
     later = met.after(met.position - 0.01, 0.0, 0.0, CONFIG, PERIOD)
     assert later.stiffness == met.stiffness
     assert later.position == pytest.approx(met.position)
