@@ -41,7 +41,7 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     scene = Scene(replace(scene_config, servo=servo))
     robot = SimRobot(scene, build_mechanics(scene.phantom))
     robot.limit_truth(round(KEPT_TRUTH / PERIOD))
-    robot.follow(robot.course[0])  # compiled before a client could miss a cycle by it
+    _compile(robot)
     server = Server(Controller(robot, config, scene_config.mount_angle, tell))
     granted = config.real_time and ask_for_priority()
     tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))
@@ -51,6 +51,16 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
         with record.staged(out) as folder:
             truth_table(robot.truth_log()).write_parquet(folder / "truth.parquet")
         tell(f"The truth: {out / 'truth.parquet'}")
+
+
+def _compile(robot: SimRobot) -> None:
+    """Compile what programs call: in a cycle it would take seconds, and a client gives up a stream silent for 2.5 s."""
+    q, arm = robot.course[0], robot.calibration
+    robot.follow(q)
+    X_BF = arm.forward(q)
+    arm.jacobian(q)
+    arm.step(q, X_BF)
+    arm.inverse(X_BF)
 
 
 def truth_table(truth: TruthLog) -> pl.DataFrame:

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-START_TIME = 120
-"""Longest wait for the twin to be ready: compiling and the finite elements included [s]."""
 
 
 @contextmanager
