@@ -71,7 +71,8 @@ class MotionLog:
     rows: list[dict] = field(default_factory=list)
 
     def add(self, phase: Phase, state: RobotState, target: np.ndarray, row: float, touching: bool) -> None:
-        """Append the state that followed `target`, when the arm should be at `row` of the plan."""
+        """Append the state that followed `target`, at first the one before any; the arm should be at `row` of the
+        plan."""
         on_path = row if phase is Phase.LOOP else None
         self.rows.append({"phase": phase, "state": state, "target": target, "row": on_path, "contact": touching})
 
@@ -184,6 +185,8 @@ class _Probe:
         self._sent = Sent.resting(self._state.q)
         self._watch = Watch.beginning(self._observation())
         self._refused = 0
+        self._began = False
+        """Whether a command was taken."""
         self._hurry = 0.0
         self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
         self._tilt = TiltMemory()
@@ -290,6 +293,9 @@ class _Probe:
         except RobotError as error:
             self._refuse(error)
             return
+        if not self._began:  # with what was known before it, so that a log can be played back
+            self.log.add(progress.phase, self._state, self._sent.q, progress.row, False)
+            self._began = True
         self._memory, self._sent, self._refused = memory, sent, 0
         self._progress = progress if self.error is None else phases.escape(progress, self._felt)
         self._state = self.robot.state()

@@ -36,8 +36,8 @@ class RecordedRobot:
 
     Free motions are not in the log. `move_joint` is taken as done and changes nothing: if it ends elsewhere than the
     recorded one did, the next `servo_joint` tells. `tare` keeps the recorded zero, and `stop` rests at the present row.
-    The log does not hold the sensor's count, so every row counts as one sample; nor does it hold the state before the
-    first command, for which the first row stands in, a period earlier.
+    The first row is the state before the first command. The log does not hold the sensor's count, so every row counts
+    as one sample.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class RecordedRobot:
         servo_lag: float | None = None,
         tolerance: float = TOLERANCE,
     ) -> None:
-        """Stand before the first row.
+        """Stand at the first row.
 
         Args:
             table: A trajectory as `trajectory.parquet` holds it.
@@ -68,7 +68,7 @@ class RecordedRobot:
         self._period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
         self._X_FP = _tool(self._calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
         self._servo_lag = _lag(self._q, self._target, self._period) if servo_lag is None else servo_lag
-        self._row = -1
+        self._row = 0
 
     @staticmethod
     def load(
@@ -118,14 +118,14 @@ class RecordedRobot:
         return len(self._time) - 1 - self._row
 
     def state(self) -> RobotState:
-        """The present row."""
-        row = max(self._row, 0)
+        """The present row; the first one is that of before any command."""
+        row = self._row
         return RobotState(
-            time=float(self._time[row]) - self._period * (self._row < 0),
+            time=float(self._time[row]),
             q=self._q[row].copy(),
             qd=self._qd[row].copy(),
             wrench_P=self._wrench_P[row].copy(),
-            sample=self._row + 1,
+            sample=row,
         )
 
     def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
@@ -136,15 +136,15 @@ class RecordedRobot:
         """
         if not self.rows_left:
             raise RobotError(
-                f"the recording ends after {len(self._time)} commands: the run that is replayed goes on for longer",
-                len(self._time),
+                f"the recording ends after {len(self._time) - 1} commands: the run that is replayed goes on for longer",
+                len(self._time) - 1,
             )
         row = self._row + 1
         off = np.abs(q - self._target[row])
         if not off.max() <= self._tolerance:
             joint = int(np.argmax(off))
             raise RobotError(
-                f"the runs part at command {row}, {self._time[row]:.3f} s: joint {joint} goes to {q[joint]:.5f} rad, "
+                f"the runs part at command {self._row}, {self._time[row]:.3f} s: joint {joint} goes to {q[joint]:.5f} rad, "
                 f"the recorded one to {self._target[row, joint]:.5f} rad, more than {self._tolerance:g} rad apart: "
                 "look at both runs before this time",
                 q,

@@ -29,8 +29,10 @@ def scene():
 
 
 def table_of(robot, targets):
-    """The rows of a log that a recording is read from."""
-    states = send(robot, targets)
+    """The rows of a log that a recording is read from: before the first command, and after each."""
+    before = robot.state()
+    states = [before, *send(robot, targets)]
+    targets = np.vstack([before.q, targets])
     q = np.array([state.q for state in states])
     return pl.DataFrame(
         {
@@ -58,19 +60,19 @@ class TestRecordedRobot(RobotContract):
         return RecordedRobot(table)
 
     def test_states_are_those_of_the_rows(self, robot, table):
-        states = send(robot, table["target"].to_numpy())
+        states = [robot.state(), *send(robot, table["target"].to_numpy()[1:])]
         np.testing.assert_array_equal([state.q for state in states], table["q"].to_numpy())
         np.testing.assert_array_equal([state.wrench_P for state in states], table["wrench"].to_numpy())
         assert robot.rows_left == 0
 
     def test_a_run_that_goes_on_for_longer_is_told_so(self, robot, table):
-        targets = table["target"].to_numpy()
+        targets = table["target"].to_numpy()[1:]
         send(robot, targets)
         with pytest.raises(RobotError, match=f"ends after {len(targets)} commands"):
             robot.servo_joint(targets[-1])
 
     def test_the_place_where_the_runs_part_is_named_with_its_joint(self, robot, table):
-        targets = table["target"].to_numpy().copy()
+        targets = table["target"].to_numpy()[1:].copy()
         targets[200:, 3] += 0.01
         with pytest.raises(RobotError, match=r"part at command 200, 0\.40\d s: joint 3"):
             send(robot, targets)
