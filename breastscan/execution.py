@@ -71,8 +71,7 @@ class MotionLog:
     rows: list[dict] = field(default_factory=list)
 
     def add(self, phase: Phase, state: RobotState, target: np.ndarray, row: float, touching: bool) -> None:
-        """Append the state that followed `target`, at first the one before any; the arm should be at `row` of the
-        plan."""
+        """Append the state that followed `target`, when the arm should be at `row` of the plan."""
         on_path = row if phase is Phase.LOOP else None
         self.rows.append({"phase": phase, "state": state, "target": target, "row": on_path, "contact": touching})
 
