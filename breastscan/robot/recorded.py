@@ -144,9 +144,9 @@ class RecordedRobot:
         if not off.max() <= self._tolerance:
             joint = int(np.argmax(off))
             raise RobotError(
-                f"the runs part at command {self._row}, {self._time[row]:.3f} s: joint {joint} goes to {q[joint]:.5f} "
-                f"rad, the recorded one to {self._target[row, joint]:.5f} rad, more than {self._tolerance:g} rad apart: "
-                "look at both runs before this time",
+                f"the runs part at command {self._row}, {self._time[row]:.3f} s: joint {joint} goes to "
+                f"{q[joint]:.5f} rad, the recorded one to {self._target[row, joint]:.5f} rad, more than "
+                f"{self._tolerance:g} rad apart: look at both runs before this time",
                 q,
             )
         self._row = row
