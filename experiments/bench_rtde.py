@@ -4,6 +4,7 @@
 client listening, and runs the whole scan in process and over the sockets. Give the machine nothing else to do.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -20,7 +21,6 @@ from rich.table import Table
 
 from breastscan.errors import RobotError
 from breastscan.metrics import rms
-from breastscan.report.trajectory import Trajectory
 from breastscan.robot.rtde_robot import RtdeConfig, RtdeRobot
 from experiments.error_analysis import STEADY_AFTER
 from sim.controller.faults import TwinControl
@@ -131,24 +131,21 @@ def whole_scan() -> dict[str, str]:
         deadline = time.monotonic() + 20
         while not (truth / "truth.parquet").exists() and time.monotonic() < deadline:
             time.sleep(0.1)
-        in_process = _figures(near / "trajectory.parquet", near / "trajectory.parquet")
-        over_link = _figures(far / "trajectory.parquet", truth / "truth.parquet")
+        in_process = _figures(near, near / "trajectory.parquet")
+        over_link = _figures(far, truth / "truth.parquet")
     return {
         f"{name}, in process / over the link": f"{in_process[name]:.3f} / {over_link[name]:.3f}" for name in in_process
     }
 
 
-def _figures(trajectory: Path, truth: Path) -> dict[str, float]:
-    """Of one run."""
-    table = pl.read_parquet(trajectory)
-    run = Trajectory.from_table(table)
-    error_mm, axis_B = run.path_errors_mm(), run.X_BP_plan[run.in_loop, :3, 2]
-    across_mm = error_mm - np.sum(error_mm * axis_B, axis=1)[:, None] * axis_B
-    loop = table.filter(pl.col("phase") == "loop")["t"].to_numpy()
+def _figures(run: Path, truth: Path) -> dict[str, float]:
+    """Of one run folder, and what really happened."""
+    measured = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
+    loop = pl.read_parquet(run / "trajectory.parquet").filter(pl.col("phase") == "loop")["t"].to_numpy()
     true = pl.read_parquet(truth)
     steady = (true["t"].to_numpy() >= loop[0] + STEADY_AFTER) & (true["t"].to_numpy() <= loop[-1])
     return {
-        "tracking across the normal, RMS [mm]": rms(np.linalg.norm(across_mm, axis=1)),
+        "tracking across the normal, RMS [mm]": measured["tracking_tangential_rmse_mm"],
         "true force about 5 N, RMS [N]": rms(true["true_force"].to_numpy()[steady] - FORCE),
     }
 

@@ -206,6 +206,10 @@ class Controller:
         """X_BT at joint angles [rad]."""
         return self.robot.calibration.forward(q) @ self.X_FT
 
+    def tool_speed(self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+        """Velocity and turn of the tool in B [m/s, rad/s] at joint angles [rad] and speeds [rad/s]."""
+        return motion.tool_jacobian(self.robot.calibration, q, self.X_FT[:3, 3]) @ qd
+
     def tool_wrench_B(self) -> Float[np.ndarray, "6"]:
         """What acts on the tool in basis B, about the tool centre point, force first [N, N m]."""
         state = self.robot.state()

@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
+from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT, SPEED_TOLERANCE
 from sim.controller import motion
 from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
 from sim.controller.urscript import ScriptError
 from sim.controller.variables import REGISTERS
 from sim.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
-from sim.ur5e import ANGLE_LIMIT, SPEED_LIMIT
 
 if TYPE_CHECKING:
     from sim.controller.controller import Controller
@@ -23,8 +23,10 @@ AT_REST = 1e-3
 """Joint speed below which the arm is steady [rad/s]."""
 CONTACT_FORCE = 5.0
 """Force that counts as contact of the tool [N]."""
-SPEED_TOLERANCE = 1.05
-"""Share of the speed limit above which a servo target counts as a jump."""
+LATE_TIME = 0.1
+"""A servo target that the joints could not reach in so long counts as a jump [s]: a client may miss some periods."""
+SPEEDL_TIME = 0.5
+"""How long a speedl without a time is waited for [s]."""
 
 
 class Pose(list[float]):
@@ -60,11 +62,13 @@ def _waits() -> dict[str, Callable[..., Wait]]:
     def sync() -> Wait:
         yield
 
-    def sleep(seconds: float) -> Wait:
-        for _ in range(max(round(seconds / PERIOD), 1)):
-            yield
+    return {"sync": sync, "sleep": _sleep}
 
-    return {"sync": sync, "sleep": sleep}
+
+def _sleep(seconds: float) -> Wait:
+    """Wait so long, for a period at least."""
+    for _ in range(max(round(seconds / PERIOD), 1)):
+        yield
 
 
 def _motions(controller: "Controller") -> dict[str, Callable[..., Wait]]:
@@ -118,7 +122,10 @@ def _motions(controller: "Controller") -> dict[str, Callable[..., Wait]]:
     ) -> Wait:
         target = np.array(q, float)
         last = controller.motion.q if isinstance(controller.motion, Servo) else robot.course[0]
-        if not np.abs(target).max() <= ANGLE_LIMIT or np.abs(target - last).max() > SPEED_TOLERANCE * 0.1 * SPEED_LIMIT:
+        if (
+            not np.abs(target).max() <= ANGLE_LIMIT
+            or np.abs(target - last).max() > SPEED_TOLERANCE * LATE_TIME * SPEED_LIMIT
+        ):
             controller.protective_stop("servoj: the target is too far away")
             yield
             return
@@ -128,16 +135,21 @@ def _motions(controller: "Controller") -> dict[str, Callable[..., Wait]]:
             controller.motion.q = target
         else:
             controller.motion = Servo(target)
-        for _ in range(max(round(t / PERIOD), 1)):
-            yield
+        yield from _sleep(t)
 
     def speedj(qd: list[float], a: float = 1.4, t: float | None = None) -> Wait:
-        controller.motion = JointSpeed(np.array(qd, float), a)
-        yield from _while(t, lambda: np.abs(robot.course[1] - controller.scaling * np.array(qd)).max() > 1e-6)
+        wanted = np.array(qd, float)
+        controller.motion = JointSpeed(wanted, a)
+        if t is not None:
+            yield from _sleep(t)
+            return
+        yield
+        while np.abs(robot.course[1] - controller.scaling * wanted).max() > 1e-6:
+            yield
 
     def speedl(xd: list[float], a: float = 1.2, t: float | None = None, aRot: float = 0) -> Wait:
         controller.motion = ToolSpeed(arm, controller.X_FT, np.array(xd, float), a)
-        yield from _while(t if t is not None else 0.5, lambda: False)
+        yield from _sleep(SPEEDL_TIME if t is None else t)
 
     def stopj(a: float = 2.0) -> Wait:
         mine = controller.motion = Braking(robot, max(a, 0.1))
@@ -159,17 +171,6 @@ def _motions(controller: "Controller") -> dict[str, Callable[..., Wait]]:
         "speedl": speedl, "stopj": stopj, "stopl": stopl, "direct_torque": direct_torque,
     }  # fmt: skip
     return {name: owned(move) for name, move in moves.items()}
-
-
-def _while(seconds: float | None, going: Callable[[], bool]) -> Wait:
-    """Wait so long, or where no time is given while something goes on."""
-    if seconds is not None:
-        for _ in range(max(round(seconds / PERIOD), 1)):
-            yield
-        return
-    yield
-    while going():
-        yield
 
 
 def _mathematics() -> dict[str, Callable]:
@@ -206,9 +207,6 @@ def _readings(controller: "Controller") -> dict[str, Callable]:
     def history(steps: int = 0) -> list[float]:
         return controller.history[max(-len(controller.history), -1 - int(steps))].tolist()
 
-    def speed(q: np.ndarray, qd: np.ndarray) -> list[float]:
-        return (motion.tool_jacobian(arm, q, controller.X_FT[:3, 3]) @ qd).tolist()
-
     return {
         "get_steptime": lambda: PERIOD,
         "get_actual_joint_positions": lambda: robot.state().q.tolist(),
@@ -221,8 +219,8 @@ def _readings(controller: "Controller") -> dict[str, Callable]:
         "get_target_tcp_pose": lambda: Pose.of(controller.tool_pose(robot.course[0])),
         "get_target_waypoint": lambda: Pose.of(controller.tool_pose(robot.course[0])),
         "get_actual_tool_flange_pose": lambda: Pose.of(arm.forward(robot.state().q)),
-        "get_actual_tcp_speed": lambda: speed(robot.state().q, robot.state().qd),
-        "get_target_tcp_speed": lambda: speed(*robot.course),
+        "get_actual_tcp_speed": lambda: controller.tool_speed(robot.state().q, robot.state().qd).tolist(),
+        "get_target_tcp_speed": lambda: controller.tool_speed(*robot.course).tolist(),
         "get_tcp_force": lambda: controller.tool_wrench_B().tolist(),
         "force": lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])),
         "tool_contact": lambda *_, **__: int(np.linalg.norm(controller.tool_wrench_B()[:3]) > CONTACT_FORCE),

@@ -2,11 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
-from breastscan.geometry import se3
-from sim.controller import motion
 from sim.controller.controller import Controller
+from sim.controller.functions import Pose
 from sim.controller.states import JOINT_OFF, JOINT_RUNNING, SAFETY_BITS, RobotMode, Runtime
 from sim.controller.variables import OUTPUTS, REGISTERS, zero
 
@@ -71,12 +68,6 @@ class Outputs:
     def _arm(self) -> dict[str, Callable]:
         c, robot = self._controller, self._controller.robot
 
-        def speed(q: np.ndarray, qd: np.ndarray) -> list[float]:
-            return (motion.tool_jacobian(robot.calibration, q, c.X_FT[:3, 3]) @ qd).tolist()
-
-        def pose(X: np.ndarray) -> list[float]:
-            return [*X[:3, 3].tolist(), *se3.rotation_vector(X).tolist()]
-
         def currents() -> list[float]:
             return (robot.drive_torques() / TORQUE_CONSTANT).tolist()
 
@@ -89,13 +80,13 @@ class Outputs:
             "target_moment": lambda: robot.drive_torques().tolist(),
             "actual_current_as_torque": lambda: robot.drive_torques().tolist(),
             **dict.fromkeys(("target_current", "actual_current", "joint_control_output"), currents),
-            "actual_TCP_pose": lambda: pose(c.tool_pose(robot.state().q)),
-            "target_TCP_pose": lambda: pose(c.tool_pose(robot.course[0])),
-            "actual_TCP_speed": lambda: speed(robot.state().q, robot.state().qd),
-            "target_TCP_speed": lambda: speed(*robot.course),
+            "actual_TCP_pose": lambda: Pose.of(c.tool_pose(robot.state().q)),
+            "target_TCP_pose": lambda: Pose.of(c.tool_pose(robot.course[0])),
+            "actual_TCP_speed": lambda: c.tool_speed(robot.state().q, robot.state().qd).tolist(),
+            "target_TCP_speed": lambda: c.tool_speed(*robot.course).tolist(),
             "actual_TCP_force": self._wrench,
             "ft_raw_wrench": self._raw_wrench,
-            "tcp_offset": lambda: pose(c.X_FT),
+            "tcp_offset": lambda: Pose.of(c.X_FT),
             "payload": lambda: c.payload.mass,
             "payload_cog": lambda: c.payload.centre_F.tolist(),
             "payload_inertia": lambda: c.inertia,
