@@ -364,7 +364,12 @@ def _twin() -> Callable:
             controller: What to pretend, and where.
             scene: The world.
         """
-        serve(scan_twin.seeded(scene, seed), controller, out, lambda text: console.print(text, soft_wrap=True))
+        serve(
+            scan_twin.seeded(scene, seed),
+            controller,
+            out,
+            lambda text: console.print(text, soft_wrap=True, markup=False),
+        )
 
     return twin
 

@@ -1,20 +1,22 @@
 """A UR controller without its sockets: modes and stops, registers, one program, one motion, and the arm they move."""
 
-from collections import deque
-from collections.abc import Callable
+from collections import OrderedDict, deque
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
-from sim.controller.functions import script_functions
-from sim.controller.motion import Braking, Motion
-from sim.controller.program import Program, Thread
+from sim.controller.motion import Braking, ImpossibleMotion, Motion
 from sim.controller.states import RobotMode, Runtime, Safety
-from sim.controller.urscript import ScriptError
+from sim.controller.urscript.compiler import Script
+from sim.controller.urscript.program import Program, Thread, load
+from sim.controller.urscript.signature import Function
+from sim.controller.urscript.values import SHOWN, ScriptError
 from sim.controller.variables import INPUTS, REGISTERS, zero
 from sim.probe import payload
 from sim.robot import SimRobot
@@ -30,6 +32,14 @@ SLIDER_RATE = 0.01
 """Change of the speed scaling in a period [-]."""
 HISTORY = 1000
 """Periods whose joint angles a program may ask for."""
+LOADED_WORDS = 150
+"""Words of a program that are taken in a period: about a millisecond, so that no cycle waits for a long one."""
+WAITING_PROGRAMS = 16
+"""That have come in and are not loaded yet; what comes beyond is dropped."""
+REMEMBERED_PROGRAMS, REMEMBERED_LENGTH = 16, 100_000
+"""That need not be loaded again, and how many characters such a one has at most."""
+UNTOLD_ERRORS = 16
+"""Errors of programs that are kept for the clients."""
 
 
 @dataclass
@@ -46,6 +56,9 @@ class Watchdog:
 
 class Controller:
     """Steps the simulated arm by one period a `cycle`, as its program and its inputs want."""
+
+    functions: Mapping[str, Function]
+    """What programs can call; whoever puts the controller together says it."""
 
     def __init__(
         self, robot: SimRobot, config: ControllerConfig, mount_angle: float, tell: Callable[[str], None]
@@ -70,6 +83,8 @@ class Controller:
         self.payload, self.inertia = payload(mount_angle), [0.0] * 6
         self.freedrive = False
         self.remote_control = config.remote_control
+        self.state = robot.state()
+        """The latest sample that the physics gave."""
         self.motion: Motion = motion.hold
         self.owner: Thread | None = None
         """Thread that moves the arm."""
@@ -80,7 +95,13 @@ class Controller:
         self._stopped_at = -UNLOCK_AFTER
         self.program_error = ""
         """Why the last program stopped, where it did not stop by itself."""
-        self._functions, self._blocking = script_functions(self)
+        self.errors: deque[ScriptError] = deque(maxlen=UNTOLD_ERRORS)
+        """Of programs, which the clients have not been told yet."""
+        self.functions = {}
+        self._sources: deque[str] = deque()
+        self._loading: Generator[None, None, Script] | None = None
+        """Of the first of these."""
+        self._scripts: OrderedDict[str, Script] = OrderedDict()
 
     @property
     def time(self) -> float:
@@ -101,49 +122,33 @@ class Controller:
         """One period."""
         self.periods += 1
         self._take_inputs()
+        self._load()
         if self.runtime is Runtime.PLAYING:
             self._watch()
             self._run_program()
-        if not self.motion(self.robot, self.scaling):
-            self.motion = motion.hold
-        self.history.append(self.robot.state().q)
+        self._move()
+        self.history.append(self.state.q)
 
     def run(self, source: str) -> None:
-        """Start a program, or do what a line outside of one says."""
+        """Start a program, as soon as it is loaded, or do at once what a line outside of one says."""
         command = source.strip()
-        simple = {
-            "stop program": lambda: self.stop_program("a script port"),
-            "pause program": self.pause,
-            "resume program": self.resume,
-            "set unlock protective stop": self.unlock,
-        }
-        if command in simple:
-            simple[command]()
+        if command in _COMMANDS:
+            _COMMANDS[command](self)
             return
-        if not command.startswith(("def ", "sec ")):
-            source = f"def line():\n{source}\nend"
         if not self.operational:
             self._tell("a program was refused: the arm is not operational")
             return
-        try:
-            program = Program(source, self._functions, self._blocking)
-        except ScriptError as error:
-            self.program_error = str(error)
-            self._tell(f"a program was refused: {error}")
+        if len(self._sources) >= WAITING_PROGRAMS:
+            self._tell("a program was dropped: too many come in at once")
             return
-        self.stop_program("another program")
-        self.program, self.runtime, self.program_error = program, Runtime.PLAYING, ""
+        outside = not command.startswith(("def ", "sec "))
+        self._sources.append(f"def line(): {source}\nend" if outside else source)
 
     def stop_program(self, why: str) -> None:
-        """End the program and bring the arm to rest."""
-        if self.program is not None:
-            self.program.end()
-            self._tell(f"program {self.program.name} ended: {why}")
-        self.program, self.owner = None, None
-        self.watchdogs.clear()
-        if self.runtime is not Runtime.STOPPED:
-            self.motion = Braking(self.robot, STOP_DECELERATION)
-        self.runtime = Runtime.STOPPED
+        """End the program, and whatever waits to be one, and bring the arm to rest."""
+        self._sources.clear()
+        self._loading = None
+        self._end_program(why)
 
     def pause(self) -> None:
         """Bring the arm to rest; `resume` goes on."""
@@ -202,6 +207,11 @@ class Controller:
         self.payload = Payload(mass=mass, centre_F=centre_F)
         self.robot.set_payload(self.payload)
 
+    def zero_wrench(self) -> None:
+        """Take the wrench as it is for zero."""
+        self.robot.zero_wrench()
+        self.state = self.robot.state()
+
     def tool_pose(self, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
         """X_BT at joint angles [rad]."""
         return self.robot.calibration.forward(q) @ self.X_FT
@@ -212,12 +222,82 @@ class Controller:
 
     def tool_wrench_B(self) -> Float[np.ndarray, "6"]:
         """What acts on the tool in basis B, about the tool centre point, force first [N, N m]."""
-        state = self.robot.state()
+        state = self.state
         X_BF = self.robot.calibration.forward(state.q)
         R_BP = (X_BF @ self.robot.X_FP)[:3, :3]
         force, moment = R_BP @ state.wrench_P[:3], R_BP @ state.wrench_P[3:]
         lever_B = X_BF[:3, :3] @ (self.robot.X_FP[:3, 3] - self.X_FT[:3, 3])
-        return np.concatenate([force, moment + np.cross(lever_B, force)])
+        return np.concatenate([force, moment + motion.cross_matrix(lever_B) @ force])
+
+    def _load(self) -> None:
+        """Go on with the program that came in first; once it is complete, start it."""
+        if not self._sources:
+            return
+        source = self._sources[0]
+        script = self._scripts.get(source)
+        if script is None:
+            try:
+                script = self._read(source)
+            except ScriptError as error:
+                self._sources.popleft()
+                self._loading = None
+                self._report("a program was refused", error)
+                return
+        if script is not None:
+            self._sources.popleft()
+            self._loading = None
+            self._start(script)
+
+    def _read(self, source: str) -> Script | None:
+        """So much of a program as a period has time for; the whole once it is there."""
+        self._loading = self._loading or load(source, self.functions)
+        try:
+            for _ in range(LOADED_WORDS):
+                next(self._loading)
+        except StopIteration as done:
+            if len(source) <= REMEMBERED_LENGTH:
+                self._scripts[source] = done.value
+            if len(self._scripts) > REMEMBERED_PROGRAMS:
+                self._scripts.popitem(last=False)
+            return done.value
+        return None
+
+    def _start(self, script: Script) -> None:
+        self._end_program("another program")
+        if self.operational:
+            self.program, self.runtime, self.program_error = Program(script), Runtime.PLAYING, ""
+
+    def _end_program(self, why: str) -> None:
+        if self.program is not None:
+            self.program.end()
+            self._tell(f"program {self.program.name[:SHOWN]} ended: {why}")
+        self.program, self.owner = None, None
+        self.watchdogs.clear()
+        if self.runtime is not Runtime.STOPPED:
+            self.motion = Braking(self.robot, STOP_DECELERATION)
+        self.runtime = Runtime.STOPPED
+
+    def _report(self, what: str, error: ScriptError) -> None:
+        self.program_error = f"line {error.line}: {error}"
+        self.errors.append(error)
+        self._tell(f"{what}: {self.program_error}")
+
+    def _move(self) -> None:
+        """A period of the arm."""
+        if self.safety is Safety.FAULT:
+            return
+        try:
+            if not self.motion(self.robot, self.scaling):
+                self.motion = motion.hold
+            self.state = self.robot.state()
+        except (ImpossibleMotion, ArithmeticError, ValueError) as error:
+            self.protective_stop(str(error))
+            self.motion = Braking(self.robot, SAFE_DECELERATION)
+            self._move()
+        except RobotError as error:  # the physics has come to no solution, and does not go on
+            self.stop_program("a fault")
+            self.safety, self.mode = Safety.FAULT, RobotMode.POWER_OFF
+            self._tell(f"the simulation has failed, start the twin anew: {error}")
 
     def _take_inputs(self) -> None:
         """Slider and outputs, where their masks say so."""
@@ -248,8 +328,17 @@ class Controller:
         try:
             self.program.step()
         except ScriptError as error:
-            self.program_error = str(error)
-            self.stop_program(str(error))
+            self._report(f"program {self.program.name[:SHOWN]}", error)
+            self._end_program("an error")
             return
         if self.program is not None and not self.program.running:
-            self.stop_program("its end")
+            self._end_program("its end")
+
+
+_COMMANDS: dict[str, Callable[[Controller], object]] = {
+    "stop program": lambda controller: controller.stop_program("a script port"),
+    "pause program": Controller.pause,
+    "resume program": Controller.resume,
+    "set unlock protective stop": Controller.unlock,
+}
+"""Lines that are no program."""

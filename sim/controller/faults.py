@@ -4,6 +4,7 @@ One JSON object a line each way. It is no part of a controller's protocol.
 """
 
 import json
+import math
 import socket
 import time
 from collections.abc import Callable
@@ -16,6 +17,8 @@ from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
 
 CONTROL_PORT = 30100
+SHOWN = 40
+"""Characters or names of a request that a refusal repeats."""
 ANSWER_TIME = 5.0
 """Longest wait for an answer [s]."""
 
@@ -29,18 +32,21 @@ class Faults:
         self._counts = [0, 0, 0]
         """Cycles with no, one, and more command packages, while a program ran."""
         self._highest_force = 0.0
-        self._actions: dict[str, Callable[..., Any]] = {
+        self._actions: dict[str, Callable[[], dict[str, Any] | None]] = {
             "protective_stop": lambda: controller.protective_stop("asked for at the control port"),
             "emergency_stop": controller.emergency_stop,
             "release": controller.release,
             "script_error": lambda: controller.stop_program("an error, asked for at the control port"),
             "close_connections": hang_up,
-            "silence": self._silence,
             "freeze_sensor": outputs.freeze_wrench,
-            "remote_control": lambda on: setattr(controller, "remote_control", bool(on)),
             "reset": self._reset,
             "status": self._status,
         }
+        self._with_number: dict[str, tuple[str, Callable[[float], None]]] = {
+            "silence": ("seconds", self._silence),
+            "remote_control": ("on", self._remote_control),
+        }
+        """Actions with an argument, and its name."""
 
     @property
     def silent(self) -> bool:
@@ -56,11 +62,24 @@ class Faults:
     def answer(self, line: str) -> str:
         """Do what a line asks for."""
         try:
-            request = json.loads(line)
-            action = self._actions[request.pop("do")]
-            return json.dumps({"ok": True, **(action(**request) or {})})
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            return json.dumps({"ok": False, "error": f"{error!r}; known: {', '.join(self._actions)}"})
+            request = json.loads(line, parse_constant=_refuse)
+        except (ValueError, RecursionError) as error:
+            return self._refusal(f"no JSON: {error}")
+        if not isinstance(request, dict) or not isinstance(request.get("do"), str):
+            return self._refusal('expected {"do": WORD}')
+        word = request.pop("do")
+        if word in self._actions and not request:
+            return json.dumps({"ok": True, **(self._actions[word]() or {})})
+        name, act = self._with_number.get(word, ("", self._silence))
+        value = request.get(name)
+        if list(request) == [name] and isinstance(value, int | float) and math.isfinite(value):
+            act(value)
+            return json.dumps({"ok": True})
+        return self._refusal(f"{word[:SHOWN]!r} with {list(request)[:SHOWN]}")
+
+    def _refusal(self, what: str) -> str:
+        known = [*self._actions, *(f"{word} ({name})" for word, (name, _) in self._with_number.items())]
+        return json.dumps({"ok": False, "error": f"{what}; known: {', '.join(known)}"})
 
     @property
     def _force(self) -> float:
@@ -71,12 +90,15 @@ class Faults:
     def _silence(self, seconds: float) -> None:
         self._silent_until = self._controller.time + seconds
 
+    def _remote_control(self, on: float) -> None:
+        self._controller.remote_control = bool(on)
+
     def _reset(self) -> None:
         self._counts, self._highest_force = [0, 0, 0], 0.0
 
     def _status(self) -> dict[str, Any]:
         controller = self._controller
-        state = controller.robot.state()
+        state = controller.state
         return {
             "time": controller.time,
             "q": state.q.tolist(),
@@ -90,6 +112,10 @@ class Faults:
             "cpu_s": time.process_time(),
             "digital_outputs": controller.digital_outputs,
         }
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")
 
 
 class TwinControl:

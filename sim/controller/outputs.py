@@ -1,10 +1,11 @@
 """What the controller tells of itself, variable by variable, computed only where a client has asked for it."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from sim.controller.controller import Controller
-from sim.controller.functions import Pose
 from sim.controller.states import JOINT_OFF, JOINT_RUNNING, SAFETY_BITS, RobotMode, Runtime
+from sim.controller.urscript.values import Pose
 from sim.controller.variables import OUTPUTS, REGISTERS, zero
 
 VOLTAGE, CURRENT, TEMPERATURE = 48.0, 1.0, 30.0
@@ -18,17 +19,23 @@ class Outputs:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
+        self._period = -1
+        self._known: dict[str, Any] = {}
+        """Values of this period: several clients ask for the same ones, and the poses are half of a cycle's work."""
         self._frozen: tuple[list[float], list[float]] | None = None
         self._readers = self._constants() | self._registers() | self._arm() | self._states()
 
     def reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
         """A function that gives the numbers of these variables, vectors written out."""
-        readers = [(self._readers[name], isinstance(zero(OUTPUTS[name]), list)) for name in names]
+        readers = [(name, self._readers[name], isinstance(zero(OUTPUTS[name]), list)) for name in names]
 
         def read() -> list[float]:
             numbers: list[float] = []
-            for value, is_vector in readers:
-                numbers.extend(value()) if is_vector else numbers.append(value())
+            known = self._of_this_period()
+            for name, value, is_vector in readers:
+                if name not in known:
+                    known[name] = value()
+                numbers.extend(known[name]) if is_vector else numbers.append(known[name])
             return numbers
 
         return read
@@ -36,6 +43,12 @@ class Outputs:
     def freeze_wrench(self) -> None:
         """Tell the present wrench from now on: the sensor has died."""
         self._frozen = self._wrench(), self._raw_wrench()
+
+    def _of_this_period(self) -> dict[str, Any]:
+        if self._period != self._controller.periods:
+            self._period = self._controller.periods
+            self._known.clear()
+        return self._known
 
     def _wrench(self) -> list[float]:
         return self._controller.tool_wrench_B().tolist() if self._frozen is None else self._frozen[0]
@@ -75,14 +88,14 @@ class Outputs:
             "target_q": lambda: robot.course[0].tolist(),
             "target_qd": lambda: robot.course[1].tolist(),
             "target_qdd": lambda: robot.course_change.tolist(),
-            "actual_q": lambda: robot.state().q.tolist(),
-            "actual_qd": lambda: robot.state().qd.tolist(),
+            "actual_q": lambda: c.state.q.tolist(),
+            "actual_qd": lambda: c.state.qd.tolist(),
             "target_moment": lambda: robot.drive_torques().tolist(),
             "actual_current_as_torque": lambda: robot.drive_torques().tolist(),
             **dict.fromkeys(("target_current", "actual_current", "joint_control_output"), currents),
-            "actual_TCP_pose": lambda: Pose.of(c.tool_pose(robot.state().q)),
+            "actual_TCP_pose": lambda: Pose.of(c.tool_pose(c.state.q)),
             "target_TCP_pose": lambda: Pose.of(c.tool_pose(robot.course[0])),
-            "actual_TCP_speed": lambda: c.tool_speed(robot.state().q, robot.state().qd).tolist(),
+            "actual_TCP_speed": lambda: c.tool_speed(c.state.q, c.state.qd).tolist(),
             "target_TCP_speed": lambda: c.tool_speed(*robot.course).tolist(),
             "actual_TCP_force": self._wrench,
             "ft_raw_wrench": self._raw_wrench,

@@ -1,6 +1,8 @@
 """The controller's side of RTDE, the real-time data exchange: port 30004, binary, big-endian."""
 
+import math
 import struct
+from collections.abc import Callable
 from typing import Protocol
 
 from sim.controller.controller import Controller
@@ -17,8 +19,12 @@ FREQUENCY = 1 / PERIOD
 """Highest rate of output [Hz]."""
 OLD_FREQUENCY = 125.0
 """Rate in the protocol's first version [Hz]."""
-ERROR = 1
-"""Level of a text message."""
+EXCEPTION, ERROR = 0, 1
+"""Levels of a text message."""
+MOST_RECIPES, MOST_FIELDS = 255, 1000
+"""Of inputs, and fields of a recipe, for each connection: more than there are variables."""
+MAY_BE_NOISE = frozenset({"standard_analog_output_0", "standard_analog_output_1"})
+"""Fields that a client in use leaves as it found its memory, where the mask says that they do not count."""
 
 
 class Registry:
@@ -95,26 +101,28 @@ class Connection:
         """The client is gone."""
         self._registry.release(self)
 
+    def tell(self, text: str, level: int) -> None:
+        """Tell a client that has started; before that it reads one answer for each question."""
+        if self._started:
+            words = [word.encode()[:255] for word in (text, "RTDE")]
+            self._reply(TEXT, b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([level]))
+
     def _answer(self, kind: int, payload: bytes) -> None:
         try:
-            if kind == VERSION:
-                self._agree(payload)
-            elif kind == CONTROLLER:
-                self._reply(kind, struct.pack(">4I", *self._controller.config.numbers))
-            elif kind == OUTPUT_SETUP:
-                self._set_up_outputs(payload)
-            elif kind == INPUT_SETUP:
-                self._set_up_inputs(payload)
-            elif kind == START:
-                self._started = self._recipe is not None or bool(self._inputs)
-                self._reply(kind, struct.pack(">B", self._started))
-            elif kind == PAUSE:
-                self._started = False
-                self._reply(kind, b"\x01")
-            elif kind == DATA:
-                self._take(payload)
-        except (struct.error, UnicodeDecodeError, IndexError):
-            self._complain(f"message {chr(kind)} of {len(payload)} bytes is not understood")
+            _MESSAGES[kind](self, payload)
+        except (struct.error, UnicodeDecodeError, LookupError):
+            self.tell(f"message {chr(kind)} of {len(payload)} bytes is not understood", ERROR)
+
+    def _tell_version(self, payload: bytes) -> None:
+        self._reply(CONTROLLER, struct.pack(">4I", *self._controller.config.numbers))
+
+    def _start(self, payload: bytes) -> None:
+        self._started = self._recipe is not None or bool(self._inputs)
+        self._reply(START, struct.pack(">B", self._started))
+
+    def _pause(self, payload: bytes) -> None:
+        self._started = False
+        self._reply(PAUSE, b"\x01")
 
     def _agree(self, payload: bytes) -> None:
         (version,) = struct.unpack(">H", payload)
@@ -128,7 +136,7 @@ class Connection:
             payload = payload[8:]
         names = _names(payload)
         kinds = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
-        known = "NOT_FOUND" not in kinds
+        known = "NOT_FOUND" not in kinds and len(names) <= MOST_FIELDS
         if known:
             self._recipe, self._read = Recipe(names, kinds), self._outputs.reader(names)
             self._per_cycle = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY
@@ -141,7 +149,8 @@ class Connection:
             INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE" for name in names
         ]  # fmt: skip
         number = 0
-        if not {"NOT_FOUND", "IN_USE"} & set(kinds):
+        fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
+        if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):
             self._registry.take(names, self)
             self._inputs.append(Recipe(names, kinds))
             number = len(self._inputs)
@@ -151,16 +160,16 @@ class Connection:
         """A data package; it may be longer than its recipe, which a client in use gets wrong."""
         number = payload[0]
         if not 1 <= number <= len(self._inputs) or len(payload) - 1 < self._inputs[number - 1].size:
-            self._complain(f"there is no recipe {number} of {len(payload) - 1} bytes")
+            self.tell(f"there is no recipe {number} of {len(payload) - 1} bytes", ERROR)
             return
+        values = self._inputs[number - 1].unpack(payload[1:])
+        for name in [name for name, value in values.items() if not _is_finite(value)]:
+            if name not in MAY_BE_NOISE:
+                self.tell(f"{name} must be finite: the package is refused", ERROR)
+                return
+            del values[name]
         self.commands += 1
-        self._controller.write(self._inputs[number - 1].unpack(payload[1:]))
-
-    def _complain(self, text: str) -> None:
-        """Tell a client that has started; before that it reads one answer for each question."""
-        if self._started:
-            words = [word.encode()[:255] for word in (text, "RTDE")]
-            self._reply(TEXT, b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([ERROR]))
+        self._controller.write(values)
 
     def _reply(self, kind: int, payload: bytes) -> None:
         self._line.send(HEADER.pack(HEADER.size + len(payload), kind) + payload)
@@ -169,4 +178,21 @@ class Connection:
 def _names(payload: bytes) -> list[str]:
     """Names between commas; a client in use ends the list with one."""
     names = [name.strip() for name in payload.decode("ascii").split(",")]
-    return names[:-1] if names and not names[-1] else names
+    names = names[:-1] if names and not names[-1] else names
+    return names[: MOST_FIELDS + 1]
+
+
+def _is_finite(value: float | list[float]) -> bool:
+    return all(map(math.isfinite, value)) if isinstance(value, list) else math.isfinite(value)
+
+
+_MESSAGES: dict[int, Callable[[Connection, bytes], None]] = {
+    VERSION: Connection._agree,
+    CONTROLLER: Connection._tell_version,
+    OUTPUT_SETUP: Connection._set_up_outputs,
+    INPUT_SETUP: Connection._set_up_inputs,
+    START: Connection._start,
+    PAUSE: Connection._pause,
+    DATA: Connection._take,
+}
+"""What each type of message makes a connection do."""

@@ -1,6 +1,10 @@
 """`breastscan twin`: the scene behind a controller's ports, until it is told to end."""
 
+import select
 import signal
+import sys
+import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,7 +15,9 @@ import polars as pl
 from breastscan import record
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
+from sim.controller.functions import script_functions
 from sim.controller.server import Server, ask_for_priority
+from sim.controller.urscript.syntax import make_ready
 from sim.mechanics import build_mechanics
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
@@ -23,6 +29,8 @@ LINK_TRANSPORT = PERIOD
 then trails a client's targets by 32 to 34 ms, depending on when in a period they arrive."""
 KEPT_TRUTH = 300.0
 """How much of the truth is kept, the latest [s]."""
+MOST_TOLD, LONGEST_TOLD = 20, 1000
+"""Lines for the operator in a second, and characters of each: clients cause them."""
 
 
 def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None, tell: Callable[[str], None]) -> None:
@@ -42,7 +50,11 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     robot = SimRobot(scene, build_mechanics(scene.phantom))
     robot.limit_truth(round(KEPT_TRUTH / PERIOD))
     _compile(robot)
-    server = Server(Controller(robot, config, scene_config.mount_angle, tell))
+    make_ready()
+    tell = _without_waiting(tell)
+    controller = Controller(robot, config, scene_config.mount_angle, tell)
+    controller.functions = script_functions(controller)
+    server = Server(controller)
     granted = config.real_time and ask_for_priority()
     tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))
     with _told_to_end() as ended:
@@ -51,6 +63,25 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
         with record.staged(out) as folder:
             truth_table(robot.truth_log()).write_parquet(folder / "truth.parquet")
         tell(f"The truth: {out / 'truth.parquet'}")
+
+
+def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
+    """Tells so much a second at most, and only while whoever started it reads: the cycle waits for nobody."""
+    told: deque[float] = deque(maxlen=MOST_TOLD)
+
+    def tell_some(text: str) -> None:
+        now = time.monotonic()
+        if len(told) == MOST_TOLD and now - told[0] < 1.0:
+            return
+        try:
+            if not select.select([], [sys.stdout], [], 0.0)[1]:
+                return
+            tell(text[:LONGEST_TOLD])
+        except (OSError, ValueError):  # nobody is there any more, or what stands there is no file
+            return
+        told.append(now)
+
+    return tell_some
 
 
 def _compile(robot: SimRobot) -> None:

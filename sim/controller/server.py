@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable
 
 from breastscan.errors import RobotError
-from sim.controller import dashboard
+from sim.controller import dashboard, primary
+from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
 from sim.controller.faults import CONTROL_PORT, Faults
 from sim.controller.outputs import Outputs
-from sim.controller.rtde import Connection, Registry
-from sim.controller.urscript import Splitter
+from sim.controller.rtde import EXCEPTION, Connection, Registry
+from sim.controller.urscript.splitter import Splitter
+from sim.controller.urscript.values import ScriptError
 from sim.servo import PERIOD
 
 RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORTS = 30004, 29999, (30001, 30002, 30003)
@@ -22,62 +24,10 @@ LAST_DASHBOARD = 9
 """Last major version with a dashboard."""
 TOO_LATE = 0.05
 """A cycle that is later than this is not caught up with [s]."""
-CHUNK = 65536
+MOST_CLIENTS = 32
+"""At each port; who comes beyond is hung up on."""
 PRIORITY = 20
 """Of real-time scheduling, where the system grants it."""
-
-
-class Client:
-    """One accepted socket, and what answers at it."""
-
-    def __init__(self, sock: socket.socket, gone: Callable[["Client"], None]) -> None:
-        sock.setblocking(False)
-        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.sock, self._gone, self._unsent = sock, gone, b""
-        self.take: Callable[[bytes], None] = lambda data: None
-        """Called with what arrives."""
-        self.rtde: Connection | None = None
-        self.control = False
-        """Whether it came to the control port."""
-
-    @property
-    def waits(self) -> bool:
-        """Whether something is left to be sent."""
-        return bool(self._unsent)
-
-    def send(self, data: bytes) -> None:
-        """Send a message whole; while an earlier one is stuck, drop it: the cycle never waits."""
-        if not self._unsent:
-            self._unsent = data
-            self.flush()
-
-    def flush(self) -> None:
-        """Send what is left, as far as it goes."""
-        try:
-            self._unsent = self._unsent[self.sock.send(self._unsent) :]
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.close()
-
-    def receive(self) -> None:
-        """Take in what has arrived."""
-        try:
-            data = self.sock.recv(CHUNK)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if data:
-            self.take(data)
-        else:
-            self.close()
-
-    def close(self) -> None:
-        """Hang up."""
-        self._unsent = b""
-        self.sock.close()
-        self._gone(self)
 
 
 class Server:
@@ -92,15 +42,20 @@ class Server:
         self.controller = controller
         self._outputs, self._registry = Outputs(controller), Registry()
         self._faults = Faults(controller, self._outputs, self._hang_up)
-        self._clients: list[Client] = []
         host = controller.config.host
-        greeters = {RTDE_PORT: self._greet_rtde, CONTROL_PORT: self._greet_control}
-        greeters |= dict.fromkeys(SCRIPT_PORTS, self._greet_script)
+        ports = {RTDE_PORT: self._on_rtde, CONTROL_PORT: self._on_control}
+        ports |= dict.fromkeys(SCRIPT_PORTS, self._on_script)
         if controller.config.numbers[0] <= LAST_DASHBOARD:
-            greeters[DASHBOARD_PORT] = self._greet_dashboard
-        self._listeners: dict[socket.socket, Callable[[Client], None]] = {}
-        for port, greet in greeters.items():
-            self._listeners[self._listen(host, port)] = greet
+            ports[DASHBOARD_PORT] = self._on_dashboard
+        self._on_connect: dict[socket.socket, Callable[[Client], None]] = {}
+        """What is done with a new client, by listening socket."""
+        self._at: dict[socket.socket, list[Client]] = {}
+        """Clients, by the socket that accepted them."""
+        for port, on_connect in ports.items():
+            listener = self._listen(host, port)
+            self._on_connect[listener], self._at[listener] = on_connect, []
+        self._client_of: dict[socket.socket, Client] = {}
+        self._turn = 0
 
     def serve(self, ended: Callable[[], bool]) -> None:
         """Run in real time until `ended`, then close the ports."""
@@ -120,19 +75,25 @@ class Server:
     def step(self) -> None:
         """Take in what has arrived, one period of the controller, and send what is due."""
         self._exchange(0.0)
-        connections = [client.rtde for client in self._clients if client.rtde is not None]
+        clients = list(self._client_of.values())
+        connections = [client.rtde for client in clients if client.rtde is not None]
         self._faults.count(sum(connection.commands for connection in connections))
         self.controller.cycle()
+        while self.controller.errors:
+            self._tell_error(self.controller.errors.popleft())
         for connection in connections:
             connection.commands = 0
             if not self._faults.silent:
                 connection.publish()
+        for client in clients:
+            if client.is_stuck:
+                client.close()
 
     def close(self) -> None:
         """Hang up on everyone, and free the ports."""
-        for client in [*self._clients]:
+        for client in [*self._client_of.values()]:
             client.close()
-        for listener in self._listeners:
+        for listener in self._on_connect:
             listener.close()
 
     def _wait(self, due: float) -> None:
@@ -144,49 +105,93 @@ class Server:
             self._exchange(left)
 
     def _exchange(self, longest: float) -> None:
-        """Wait for sockets, and serve those that are ready."""
-        waiting = [client.sock for client in self._clients if client.waits]
-        by_socket = {client.sock: client for client in self._clients}
-        readable, writable, _ = select.select([*self._listeners, *by_socket], waiting, [], longest)
+        """Wait for sockets so long [s] at most, and serve those that are ready, but no longer than a cycle may wait."""
+        end = time.monotonic() + max(longest, PERIOD)
+        waiting = [sock for sock, client in self._client_of.items() if client.waits]
+        readable, writable, _ = select.select([*self._on_connect, *self._client_of], waiting, [], longest)
         for sock in writable:
-            by_socket[sock].flush()
-        for sock in readable:
-            if sock in self._listeners:
+            self._client_of[sock].flush()
+        self._turn += 1  # who comes last in one round comes earlier in another
+        first = self._turn % (len(readable) or 1)
+        for sock in [*readable[first:], *readable[:first]]:
+            if sock in self._on_connect:
                 self._accept(sock)
-            elif sock.fileno() >= 0:  # not hung up on in this round
-                by_socket[sock].receive()
+            elif sock in self._client_of:  # not hung up on in this round
+                self._client_of[sock].receive()
+            if time.monotonic() > end:
+                return
 
     def _accept(self, listener: socket.socket) -> None:
-        client = Client(listener.accept()[0], self._forget)
-        self._clients.append(client)
-        self._listeners[listener](client)
+        """Take on a new client, unless there are too many."""
+        try:
+            sock, _ = listener.accept()
+        except OSError:  # gone already
+            return
+        clients = self._at[listener]
+        if len(clients) >= MOST_CLIENTS:
+            sock.close()
+            return
+        try:
+            client = Client(sock, self._forget)
+        except OSError:
+            sock.close()
+            return
+        clients.append(client)
+        self._client_of[sock] = client
+        self._on_connect[listener](client)
 
     def _forget(self, client: Client) -> None:
-        if client in self._clients:
-            self._clients.remove(client)
-            if client.rtde is not None:
-                client.rtde.closed()
+        self._client_of.pop(client.sock, None)
+        for clients in self._at.values():
+            if client in clients:
+                clients.remove(client)
+        if client.rtde is not None:
+            client.rtde.closed()
+
+    def _clients(self, *ports: int) -> list[Client]:
+        """At these ports; all if none are named."""
+        return [
+            client
+            for listener, clients in self._at.items()
+            for client in clients
+            if not ports or listener.getsockname()[1] in ports
+        ]
 
     def _hang_up(self) -> None:
         """On everyone but those at the control port."""
-        for client in [client for client in self._clients if not client.control]:
+        for client in self._clients(RTDE_PORT, DASHBOARD_PORT, *SCRIPT_PORTS):
             client.close()
 
-    def _greet_rtde(self, client: Client) -> None:
+    def _tell_error(self, error: ScriptError) -> None:
+        """Where a controller tells what ended a program."""
+        message = primary.runtime_exception(self.controller.time, error.line, str(error))
+        for client in self._clients(*primary.PORTS):
+            client.send(message)
+        for client in self._clients(RTDE_PORT):
+            if client.rtde is not None:
+                client.rtde.tell(f"line {error.line}: {error}", EXCEPTION)
+
+    def _on_rtde(self, client: Client) -> None:
         client.rtde = Connection(client, self.controller, self._outputs, self._registry)
         client.take = client.rtde.receive
 
-    def _greet_script(self, client: Client) -> None:
+    def _on_script(self, client: Client) -> None:
         splitter = Splitter()
 
         def take(data: bytes) -> None:
-            for program in splitter.feed(data):
+            try:
+                programs = splitter.feed(data)
+            except ScriptError as error:
+                self._tell_error(error)
+                client.close()
+                return
+            for program in programs:
                 self.controller.run(program)
 
         client.take = take
 
-    def _greet_dashboard(self, client: Client) -> None:
-        client.take = _by_line(client, lambda line: self._dashboard(client, line))
+    def _on_dashboard(self, client: Client) -> None:
+        client.take = by_line(client, lambda line: self._dashboard(client, line))
         client.send(f"{dashboard.GREETING}\n".encode())
 
     def _dashboard(self, client: Client, line: str) -> str:
@@ -196,9 +201,8 @@ class Server:
             return ""
         return dashboard.answer(line, self.controller)
 
-    def _greet_control(self, client: Client) -> None:
-        client.control = True
-        client.take = _by_line(client, self._faults.answer)
+    def _on_control(self, client: Client) -> None:
+        client.take = by_line(client, self._faults.answer)
 
     @staticmethod
     def _listen(host: str, port: int) -> socket.socket:
@@ -215,20 +219,6 @@ class Server:
         listener.listen()
         listener.setblocking(False)
         return listener
-
-
-def _by_line(client: Client, answer: Callable[[str], str]) -> Callable[[bytes], None]:
-    """Takes bytes, and answers every whole line with another."""
-    rest = b""
-
-    def take(data: bytes) -> None:
-        nonlocal rest
-        *lines, rest = (rest + data).split(b"\n")
-        replies = [answer(line.decode("utf-8", "replace")) for line in lines]
-        if any(replies):
-            client.send("".join(f"{reply}\n" for reply in replies if reply).encode())
-
-    return take
 
 
 def ask_for_priority() -> bool:

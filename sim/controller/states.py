@@ -25,9 +25,16 @@ class Safety(IntEnum):
     NORMAL = 1
     PROTECTIVE_STOP = 3
     ROBOT_EMERGENCY_STOP = 7
+    FAULT = 9
 
 
-SAFETY_BITS = {Safety.NORMAL: 0x001, Safety.PROTECTIVE_STOP: 0x404, Safety.ROBOT_EMERGENCY_STOP: 0x4C0}
-"""Bits of `safety_status_bits`: 0 normal, 2 protective, 6 robot and 7 any emergency stop, 10 stopped for safety."""
+SAFETY_BITS = {
+    Safety.NORMAL: 0x001,
+    Safety.PROTECTIVE_STOP: 0x404,
+    Safety.ROBOT_EMERGENCY_STOP: 0x4C0,
+    Safety.FAULT: 0x600,
+}
+"""Bits of `safety_status_bits`: 0 normal, 2 protective, 6 robot and 7 any emergency stop, 9 fault, 10 stopped for
+safety."""
 JOINT_RUNNING, JOINT_OFF = 253, 239
 """Of `joint_mode`."""

@@ -3,8 +3,8 @@
 from itertools import islice
 
 import pytest
-
 from sim.controller.program import Program
+
 from sim.controller.urscript import ScriptError, Splitter, translate
 
 

@@ -1,0 +1,221 @@
+"""The program that the controller runs: its threads take turns, each up to its next wait or the end of its time.
+
+[UR-script, "Thread scheduling"]: a thread that uses up its slice of the period goes on in the next one.
+"""
+
+import time
+from collections.abc import Generator, Mapping
+
+from breastscan.errors import BreastScanError
+from sim.controller.urscript.compiler import MOVED, WAITING, Code, Script, Slots, compile_program
+from sim.controller.urscript.signature import Function
+from sim.controller.urscript.syntax import parse
+from sim.controller.urscript.values import ScriptError, Value, shown
+
+PERIOD_STEPS = 3000
+"""Of all threads in a period: about half of it, if nothing in them is costly."""
+SLICE = 0.002
+"""Processor time of all threads in a period, after which what is costly waits for the next one as well [s]."""
+BETWEEN_LOOKS = 50
+"""Steps between two looks at that time."""
+DEEPEST_CALL = 100
+"""Functions that call each other."""
+MOST_THREADS = 50
+"""Of a program at once."""
+
+
+def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
+    """Make a program of a text; waits often, since that may take many periods.
+
+    Raises:
+        ScriptError: It is no program, or calls what is not there.
+    """
+    tree = yield from parse(source)
+    return (yield from compile_program(tree, functions))
+
+
+class Program:
+    """A running program; the first thread is the main one, and its end is the program's."""
+
+    def __init__(self, script: Script) -> None:
+        """Begin."""
+        self.name = script.main.name
+        self.current = Thread(self, script.main, script.begin())
+        """The thread whose turn it is."""
+        self.alone: Thread | None = None
+        """The thread in a critical section: no other one has a turn."""
+        self.halted = False
+        self._threads = [self.current]
+
+    @property
+    def running(self) -> bool:
+        """Whether the main thread has not ended."""
+        return self._threads[0].alive and not self.halted
+
+    def step(self) -> None:
+        """One period: a turn for every thread; those that start in it have theirs as well.
+
+        Raises:
+            ScriptError: What the program does is not possible.
+        """
+        left = PERIOD_STEPS
+        for k, thread in enumerate(self._threads):
+            if not thread.alive or self.alone not in (None, thread):
+                continue
+            self.current = thread
+            share = left // (len(self._threads) - k)
+            left -= thread.turn(share, SLICE / len(self._threads))
+            if not self.running:
+                return
+        self._threads = [thread for thread in self._threads if thread.alive]
+
+    def end(self) -> None:
+        """Stop all threads."""
+        for thread in self._threads:
+            thread.end()
+
+    def start(self, code: Code, slots: Slots) -> "Thread":
+        """A new thread.
+
+        Raises:
+            ScriptError: There are too many.
+        """
+        if sum(thread.alive for thread in self._threads) >= MOST_THREADS:
+            raise ScriptError(f"a program has {MOST_THREADS} threads at most")
+        thread = Thread(self, code, slots)
+        self._threads.append(thread)
+        return thread
+
+
+class Thread:
+    """One thread of a program: what the compiler's steps run on."""
+
+    def __init__(self, program: Program, code: Code, slots: Slots) -> None:
+        self._program, self._code, self._slots = program, code, slots
+        self._at = 0
+        """The step that comes next."""
+        self._callers: list[tuple[Code, Slots, int, int]] = []
+        """Routines that wait for this one: their step that comes next, and the slot for what they get."""
+        self._waiting: Generator[None, None, Value] | None = None
+        """A function of the controller that takes time."""
+        self._back, self._result = 0, 0
+        """The step behind it, and the slot for what it gives back."""
+        self.alive = True
+
+    def __str__(self) -> str:
+        return f"thread {self._code.name}"
+
+    def turn(self, steps: int, seconds: float) -> int:
+        """Go on to the next wait; so many steps at most, and about so long [s]. How many were taken.
+
+        Raises:
+            ScriptError: What the thread does is not possible; with its line.
+        """
+        end = time.thread_time() + seconds
+        taken = 0
+        try:
+            while taken < steps and self._waited() and time.thread_time() < end:
+                taken += self._go(min(BETWEEN_LOOKS, steps - taken))
+        except ScriptError as error:
+            error.line = error.line or self._line
+            raise
+        except (ArithmeticError, LookupError, TypeError, ValueError, RecursionError, BreastScanError) as error:
+            raise ScriptError(str(error), error, self._line) from error
+        return taken
+
+    def end(self) -> None:
+        """Stop it where it is."""
+        self.alive = False
+        self.critical(False)
+        if self._waiting is not None:
+            self._waiting.close()
+            self._waiting = None
+
+    # ---- what steps do ----
+
+    def enter(self, code: Code, slots: Slots, back: int, result: int) -> int:
+        """Go into a routine; its value goes to the slot `result` of this one, which goes on at the step `back`."""
+        if len(self._callers) >= DEEPEST_CALL:
+            raise ScriptError(f"functions call each other more than {DEEPEST_CALL} deep")
+        self._callers.append((self._code, self._slots, back, result))
+        self._code, self._slots, self._at = code, slots, 0
+        return MOVED
+
+    def leave(self, value: Value) -> int:
+        """Go back to where the present routine was called; the thread's end, if it was not."""
+        if not self._callers:
+            self.end()
+            return WAITING
+        self._code, self._slots, self._at, result = self._callers.pop()
+        self._slots[result] = value
+        return MOVED
+
+    def wait(self, waiting: Generator[None, None, Value], back: int, result: int) -> int:
+        """Wait until a function is done, then go on at the step `back`, likewise."""
+        self._waiting, self._back, self._result = waiting, back, result
+        return WAITING
+
+    def start(self, code: Code, slots: Slots) -> "Thread":
+        """A new thread of the program."""
+        return self._program.start(code, slots)
+
+    def stop(self, thread: Value) -> bool:
+        """End a thread, where it is one: clients in use kill what they have not run. Whether this one goes on."""
+        if isinstance(thread, Thread):
+            thread.end()
+        return self.alive
+
+    def join(self, thread: Value) -> Generator[None, None, None]:
+        """Wait for a thread's end.
+
+        Raises:
+            ScriptError: It is none.
+        """
+        if not isinstance(thread, Thread):
+            raise ScriptError(f"join takes a thread, got {shown(thread)}", thread)
+        while thread.alive:
+            yield
+
+    def critical(self, inside: bool) -> None:
+        """Keep the others from running, or no longer."""
+        if inside or self._program.alone is self:
+            self._program.alone = self if inside else None
+
+    def halt(self) -> int:
+        """End the program."""
+        self._program.halted = True
+        self.end()
+        return WAITING
+
+    # ---- going on ----
+
+    @property
+    def _line(self) -> int:
+        return self._code.lines[self._at]
+
+    def _waited(self) -> bool:
+        """Whether it can go on: it neither has ended nor waits for the next period."""
+        if self._waiting is not None:
+            try:
+                next(self._waiting)
+                return False
+            except StopIteration as done:
+                self._waiting, self._at = None, self._back
+                self._slots[self._result] = done.value
+        return self.alive
+
+    def _go(self, most: int) -> int:
+        """So many steps at most, up to a wait. How many were taken."""
+        steps, slots, at = self._code.steps, self._slots, self._at
+        try:
+            for taken in range(1, most + 1):
+                following = steps[at](slots, self)
+                if following >= 0:
+                    at = following
+                elif following == MOVED:
+                    steps, slots, at = self._code.steps, self._slots, self._at
+                else:
+                    return taken
+            return most
+        finally:
+            self._at = at  # of the step that failed, where one did

@@ -1,0 +1,416 @@
+"""A program's text as a tree of nodes, made by the grammar beside this file, a few words at a time.
+
+Parsing waits between words, since the controller goes on meanwhile.
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any, ClassVar
+
+from lark import Lark, Token, Transformer, v_args
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from sim.controller.urscript.values import LARGEST_INTEGER, LONGEST_STRING, ScriptError, is_number, shown
+
+DEEPEST = 60
+"""Brackets in brackets, operators on operators, and blocks in blocks."""
+POSE_LENGTH = 6
+CONTINUED = frozenset({"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"})
+"""Words behind which a line goes on."""
+OPENING, CLOSING = frozenset({"LSQB", "LPAR"}), frozenset({"RSQB", "RPAR"})
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A number, a string, True or False."""
+
+    depth: ClassVar[int] = 1
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A variable."""
+
+    depth: ClassVar[int] = 1
+    name: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """An operator before a value."""
+
+    operator: str
+    value: "Expression"
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """An operator between two values."""
+
+    operator: str
+    left: "Expression"
+    right: "Expression"
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Logic:
+    """Terms of which only so many are looked at as it takes: `and`, `or`."""
+
+    operator: str
+    terms: tuple["Expression", ...]
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """A list; with six elements behind the name p, a pose."""
+
+    elements: tuple["Expression", ...]
+    depth: int
+    pose: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Index:
+    """An element of a list, of a pose, or (with two places) of a matrix."""
+
+    value: "Expression"
+    places: tuple["Expression", ...]
+    depth: int
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function's, or with `run` a new thread's."""
+
+    name: str
+    arguments: tuple["Expression", ...]
+    named: tuple[tuple[str, "Expression"], ...]
+    line: int
+    depth: int
+    run: bool = False
+
+
+Expression = Constant | Name | Unary | Binary | Logic | Array | Index | Call
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """An expression as a statement."""
+
+    value: Expression
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """To a variable, or to an element of one."""
+
+    name: str
+    places: tuple[Expression, ...]
+    value: Expression
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """Of a variable's scope, `global` or `local`; with a value, an assignment as well."""
+
+    scope: str
+    name: str
+    value: Expression | None
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """Blocks of which the first is run whose condition holds."""
+
+    branches: tuple[tuple[Expression, "Block", int], ...]
+    """Condition, block, line."""
+    otherwise: "Block"
+
+    @property
+    def line(self) -> int:
+        """Where it begins."""
+        return self.branches[0][2]
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A block that is run while a condition holds."""
+
+    condition: Expression
+    body: "Block"
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """The end of a function, with what it gives back."""
+
+    value: Expression | None
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A statement of one word."""
+
+    word: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadEnd:
+    """`kill` or `join`."""
+
+    word: str
+    thread: Expression
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """A function, a thread or the whole program."""
+
+    kind: str
+    name: str
+    parameters: tuple[tuple[str, Expression | None], ...]
+    """Names, with defaults."""
+    body: "Block"
+    line: int
+
+
+Statement = Evaluation | Assignment | Declaration | Condition | Loop | Return | Word | ThreadEnd | Routine
+Block = tuple[Statement, ...]
+
+
+def parse(source: str) -> Generator[None, None, Routine]:
+    """The tree of a program, from `def` to `end`; waits after every word.
+
+    Raises:
+        ScriptError: It is no program, with the line where that shows.
+    """
+    parser = _parser().parse_interactive(source)
+    line = 0
+    try:
+        for token in parser.iter_parse():
+            line = _line(token)
+            yield
+        return parser.feed_eof()
+    except UnexpectedCharacters as error:
+        raise ScriptError(f"syntax error at {shown(source[error.pos_in_stream])}", None, error.line) from None
+    except UnexpectedToken as error:
+        raise _unexpected(error, line) from None
+    except UnexpectedInput as error:
+        raise ScriptError("syntax error", None, max(error.line, 0)) from None
+    except ScriptError as error:
+        error.line = error.line or line
+        raise
+
+
+def _unexpected(error: UnexpectedToken, line: int) -> ScriptError:
+    token = error.token
+    if token.type == "$END":
+        return ScriptError("the program has no `end`", None, line)
+    where = "the end of the line" if token.type == "_NL" else shown(token)
+    return ScriptError(f"syntax error at {where}", None, _line(token))
+
+
+class _Lines:
+    """Leaves out the ends of lines that go on, and refuses what nests too deep."""
+
+    always_accept = ("_NL",)
+
+    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
+        brackets, last = 0, ""
+        for token in stream:
+            if token.type in OPENING:
+                brackets += 1
+                if brackets > DEEPEST:
+                    raise ScriptError(f"this nests deeper than {DEEPEST}", None, _line(token))
+            elif token.type in CLOSING:
+                brackets = max(brackets - 1, 0)
+            if token.type == "_NL" and (brackets or last in CONTINUED):
+                continue
+            last = token.type
+            yield token
+
+
+@v_args(inline=True)
+class _Tree(Transformer):
+    """Makes the nodes; one method for each rule of the grammar."""
+
+    def number(self, token: Token) -> Constant:
+        if not token.isdigit():
+            return Constant(float(token))
+        if len(token) > len(str(LARGEST_INTEGER)) or int(token) > LARGEST_INTEGER:
+            raise ScriptError(f"{shown(token)} is larger than an integer can be", None, _line(token))
+        return Constant(int(token))
+
+    def string(self, token: Token) -> Constant:
+        if len(token) > LONGEST_STRING:
+            raise ScriptError(f"a string has {LONGEST_STRING} characters at most", None, _line(token))
+        return Constant(str(token[1:-1]))
+
+    def true(self, token: Token) -> Constant:
+        return Constant(True)
+
+    def false(self, token: Token) -> Constant:
+        return Constant(False)
+
+    def name(self, token: Token) -> Name:
+        return Name(str(token), _line(token))
+
+    def bracket(self, inner: Expression) -> Expression:
+        return inner
+
+    def list(self, *elements: Expression | None) -> tuple[Expression, ...]:
+        return _present(elements)
+
+    arguments = list
+
+    def array(self, elements: tuple[Expression, ...]) -> Array:
+        return Array(elements, _depth(*elements))
+
+    def index(self, value: Expression, places: tuple[Expression, ...]) -> Expression:
+        if isinstance(value, Name) and value.name == "p" and len(places) == POSE_LENGTH:
+            return Array(places, _depth(*places), pose=True)
+        return Index(value, places, _depth(value, *places))
+
+    def named(self, name: Token, value: Expression) -> tuple[Token, Expression]:
+        return name, value
+
+    def call(self, name: Token, arguments: tuple) -> Call:
+        return _call(name, arguments)
+
+    def run(self, word: Token, name: Token, arguments: tuple) -> Call:
+        return _call(name, arguments, run=True)
+
+    def member(self, value: Expression, name: Token) -> Expression:
+        raise ScriptError(f"members of a value (.{shown(name)}) are not known here", None, _line(name))
+
+    def method(self, value: Expression, name: Token, arguments: tuple) -> Expression:
+        return self.member(value, name)
+
+    def unary(self, operator: Token, value: Expression) -> Expression:
+        if operator == "-" and isinstance(value, Constant) and is_number(value.value):
+            return Constant(-value.value)
+        return Unary(str(operator), value, _depth(value))
+
+    def binary(self, left: Expression, operator: Token, right: Expression) -> Binary:
+        return Binary(str(operator), left, right, _depth(left, right))
+
+    def logic(self, left: Expression, operator: Token, right: Expression) -> Expression:
+        if operator == "xor":
+            return self.binary(left, operator, right)
+        before = left.terms if isinstance(left, Logic) and left.operator == operator else (left,)
+        terms = (*before, right)
+        return Logic(str(operator), terms, _depth(*terms))
+
+    def block(self, *statements: Statement) -> Block:
+        return statements
+
+    def call_statement(self, value: Expression) -> Evaluation:
+        return Evaluation(value, _line_of(value))
+
+    def assignment(self, target: Expression, value: Expression) -> Assignment:
+        if isinstance(target, Name):
+            return Assignment(target.name, (), value, target.line)
+        if isinstance(target, Index) and isinstance(target.value, Name):
+            return Assignment(target.value.name, target.places, value, target.value.line)
+        raise ScriptError("only variables and their elements can be assigned to", None, _line_of(target))
+
+    def declaration(self, scope: Token, name: Token, value: Expression | None) -> Declaration:
+        return Declaration(str(scope), str(name), value, _line(scope))
+
+    def condition(self, *parts: Any) -> Condition:
+        *branches, _, otherwise, _ = parts  # each of three: word, condition, block
+        triples = zip(branches[0::3], branches[1::3], branches[2::3], strict=True)
+        return Condition(tuple((test, block, _line(word)) for word, test, block in triples), otherwise or ())
+
+    def loop(self, word: Token, condition: Expression, body: Block, end: Token) -> Loop:
+        return Loop(condition, body, _line(word))
+
+    def parameter(self, name: Token, default: Expression | None) -> tuple[str, Expression | None]:
+        return str(name), default
+
+    parameters = list
+
+    def routine(self, kind: Token, name: Token, parameters: tuple, body: Block, end: Token) -> Routine:
+        return Routine(str(kind), str(name), parameters, body, _line(kind))
+
+    program = routine
+
+    def giving_back(self, word: Token, value: Expression | None) -> Return:
+        return Return(value, _line(word))
+
+    def word(self, word: Token) -> Word:
+        return Word(str(word), _line(word))
+
+    def thread_end(self, word: Token, thread: Expression) -> ThreadEnd:
+        return ThreadEnd(str(word), thread, _line(word))
+
+
+def _present(parts: tuple) -> tuple:
+    """Without what the parser puts in for something that is absent."""
+    return tuple(part for part in parts if part is not None)
+
+
+def _depth(*inner: Expression) -> int:
+    """Of what holds these.
+
+    Raises:
+        ScriptError: It is too deep: what walks the tree later recurses.
+    """
+    depth = 1 + max((expression.depth for expression in inner), default=0)
+    if depth > DEEPEST:
+        raise ScriptError(f"this nests deeper than {DEEPEST}", None, max(map(_line_of, inner)))
+    return depth
+
+
+def _call(name: Token, arguments: tuple, *, run: bool = False) -> Call:
+    named = [isinstance(argument, tuple) for argument in arguments]
+    first = named.index(True) if True in named else len(named)
+    if not all(named[first:]):
+        raise ScriptError(f"{shown(name)}: arguments without a name come before those with one", None, _line(name))
+    pairs = tuple((str(key), value) for key, value in arguments[first:])
+    plain = arguments[:first]
+    depth = _depth(*plain, *(value for _, value in pairs))
+    return Call(str(name), plain, pairs, _line(name), depth, run)
+
+
+def _line(token: Token) -> int:
+    return int(token.line or 0)
+
+
+def _line_of(expression: Expression) -> int:
+    """Where it begins; 0 where that is not known."""
+    while not isinstance(expression, Name | Call):
+        match expression:
+            case Binary():
+                expression = expression.left
+            case Unary() | Index():
+                expression = expression.value
+            case _:
+                return 0
+    return expression.line
+
+
+def make_ready() -> None:
+    """Make the parser's tables, which takes a tenth of a second."""
+    _parser()
+
+
+@cache
+def _parser() -> Lark:
+    grammar = (files("sim.controller.urscript") / "grammar.lark").read_text(encoding="utf-8")
+    return Lark(grammar, parser="lalr", lexer="basic", start="program", postlex=_Lines(), transformer=_Tree(),
+                maybe_placeholders=True)  # fmt: skip
