@@ -4,13 +4,16 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: scan test check lint types bench wheel clean
+.PHONY: scan test fuzz check lint types bench wheel clean
 
 scan: $(READY)  ## scan the phantom with the twin; results in out/scan
 	$(BIN)/breastscan scan
 
 test: $(READY)  ## the whole test suite
 	$(BIN)/pytest
+
+fuzz: $(READY)  ## 10,000 programs and byte strings that nobody wrote, for every port of the twin
+	MUJOCO_GL=$${MUJOCO_GL:-egl} $(BIN)/python -m tests.sim.controller.fuzz
 
 lint: $(READY)
 	$(BIN)/ruff check .

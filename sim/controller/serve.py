@@ -48,7 +48,7 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     servo = replace(scene_config.servo, transport=max(scene_config.servo.transport - LINK_TRANSPORT, PERIOD))
     scene = Scene(replace(scene_config, servo=servo))
     robot = SimRobot(scene, build_mechanics(scene.phantom))
-    robot.limit_truth(round(KEPT_TRUTH / PERIOD))
+    robot.limit_truth(1 if out is None else round(KEPT_TRUTH / PERIOD))
     _compile(robot)
     make_ready()
     tell = _without_waiting(tell)

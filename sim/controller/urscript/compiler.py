@@ -118,15 +118,15 @@ def compile_program(program: Routine, functions: Mapping[str, Function]) -> Gene
     if program.parameters:
         raise ScriptError(f"a program has no parameters, got {len(program.parameters)}", None, program.line)
     routines: dict[str, Routine] = {}
-    globals_: dict[str, int] = {}
+    shared: dict[str, int] = {}
     for level, statement in _statements(program.body, 1):
         if isinstance(statement, Routine):
             routines[statement.name] = statement
         name = _assigned(statement)
         if name and (level == 1 or (isinstance(statement, syntax.Declaration) and statement.scope == "global")):
-            globals_.setdefault(name, len(globals_))
+            shared.setdefault(name, len(shared))
         yield
-    world = _World(functions, routines, globals_, [UNSET] * len(globals_))
+    world = _World(functions, routines, shared, [UNSET] * len(shared))
     codes = world.codes
     codes[program.name] = main = Code(program.name, "main")
     for name, routine in routines.items():
@@ -143,35 +143,37 @@ class _World:
 
     functions: Mapping[str, Function]
     routines: dict[str, Routine]
-    globals: dict[str, int]
+    shared: dict[str, int]
     variables: Slots
     codes: dict[str, Code] = field(default_factory=dict)
-    formulas: dict[str, Evaluate] = field(default_factory=dict)
+    formulas: dict[str, Evaluate | None] = field(default_factory=dict)
+    """What routines compute that are formulas; None for those that are not."""
 
     def takes_a_step(self, call: syntax.Call) -> bool:
         """Whether a call may wait, or run long."""
         if call.run or call.name in self.routines:
-            return call.run or not self.is_formula(call.name)
+            return call.run or self.formula(call.name) is None
         function = self.functions.get(call.name)
         return function is not None and function.waits
 
-    def is_formula(self, name: str) -> bool:
-        """Whether a routine is one expression that calls no other: then it is computed in place.
+    def formula(self, name: str) -> Evaluate | None:
+        """What a routine computes of its arguments, where it is one expression that calls no other routine.
 
-        Of the routines that clients upload most are, and a step costs five times as much.
+        It is computed in place then: of the routines that clients upload most are such, and steps cost five times
+        as much.
         """
-        body = self.routines[name].body
+        if name not in self.formulas:
+            is_one = self._is_formula(self.routines[name].body)
+            compiler = _Compiler(self, self.codes[name], self.routines[name])
+            self.formulas[name] = compiler.formula() if is_one else None
+        return self.formulas[name]
+
+    def _is_formula(self, body: syntax.Block) -> bool:
         if len(body) != 1 or not isinstance(body[0], syntax.Return | syntax.Evaluation) or body[0].value is None:
             return False
-        calls = [call.name for call in _calls(body[0].value)]
-        known = [self.functions.get(call) for call in calls if call not in self.routines]
-        return len(known) == len(calls) and all(function and not function.waits for function in known)
-
-    def formula(self, name: str) -> Evaluate:
-        """What such a routine computes of its arguments."""
-        if name not in self.formulas:
-            self.formulas[name] = _Compiler(self, self.codes[name], self.routines[name]).formula()
-        return self.formulas[name]
+        names = [call.name for call in _calls(body[0].value)]
+        known = [self.functions.get(name) for name in names if name not in self.routines]
+        return len(known) == len(names) and all(function and not function.waits for function in known)
 
 
 def _calls(expression: Expression) -> Iterator[syntax.Call]:
@@ -237,7 +239,7 @@ class _Compiler:
         shared = {s.name for s in own if isinstance(s, syntax.Declaration) and s.scope == "global"}
         alone = {s.name for s in own if isinstance(s, syntax.Declaration) and s.scope == "local"}
         for name in filter(None, map(_assigned, own)):
-            if name in alone or (name not in self._world.globals and name not in shared):
+            if name in alone or (name not in self._world.shared and name not in shared):
                 self._locals.setdefault(name, len(self._locals))
 
     def run(self) -> Generator[None, None, None]:
@@ -317,7 +319,7 @@ class _Compiler:
         if at is not None:
             self._emit(_keep(at, value, following))
             return
-        variables, place = self._world.variables, self._world.globals[name]
+        variables, place = self._world.variables, self._world.shared[name]
 
         def step(slots: Slots, machine: Machine) -> int:
             variables[place] = value(slots)
@@ -416,9 +418,9 @@ class _Compiler:
                 return value
 
             return local
-        if name not in self._world.globals:
+        if name not in self._world.shared:
             raise self._error(f"{shown(name)} is not defined")
-        variables, place = self._world.variables, self._world.globals[name]
+        variables, place = self._world.variables, self._world.shared[name]
 
         def shared(slots: Slots) -> Value:
             value = variables[place]
@@ -430,11 +432,12 @@ class _Compiler:
 
     def _values(self, expressions: tuple[Expression, ...]) -> list[Evaluate]:
         """Several, evaluated from left to right, calls included."""
+        last = max((k for k, expression in enumerate(expressions) if self._takes_steps(expression)), default=0)
         values: list[Evaluate] = []
         for k, expression in enumerate(expressions):
             value = self._value(expression)
-            later = any(map(self._takes_steps, expressions[k + 1 :]))
-            values.append(self._kept(value) if later and not isinstance(expression, syntax.Constant) else value)
+            keep = k < last and not isinstance(expression, syntax.Constant)
+            values.append(self._kept(value) if keep else value)
         return values
 
     def _takes_steps(self, expression: Expression) -> bool:
@@ -514,8 +517,8 @@ class _Compiler:
         if not all(map(_is_constant, defaults.values())):
             raise self._error(f"the defaults of {shown(call.name)} are not constants", routine.line)
         arguments = self._values(placed)
-        if world.is_formula(call.name):
-            formula = world.formula(call.name)
+        formula = None if call.run else world.formula(call.name)
+        if formula is not None:
             return lambda slots: formula([argument(slots) for argument in arguments])
         at, following = self._new_slot(), self._following
 

@@ -16,12 +16,12 @@ PERIOD_STEPS = 3000
 """Of all threads in a period: about half of it, if nothing in them is costly."""
 SLICE = 0.002
 """Processor time of all threads in a period, after which what is costly waits for the next one as well [s]."""
-BETWEEN_LOOKS = 50
+BETWEEN_LOOKS = 20
 """Steps between two looks at that time."""
 DEEPEST_CALL = 100
 """Functions that call each other."""
 MOST_THREADS = 50
-"""Of a program at once."""
+"""Of a program in a period, those that end in it included."""
 
 
 def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
@@ -80,7 +80,7 @@ class Program:
         Raises:
             ScriptError: There are too many.
         """
-        if sum(thread.alive for thread in self._threads) >= MOST_THREADS:
+        if len(self._threads) >= MOST_THREADS:
             raise ScriptError(f"a program has {MOST_THREADS} threads at most")
         thread = Thread(self, code, slots)
         self._threads.append(thread)

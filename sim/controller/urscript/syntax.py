@@ -16,6 +16,8 @@ from sim.controller.urscript.values import LARGEST_INTEGER, LONGEST_STRING, Scri
 
 DEEPEST = 60
 """Brackets in brackets, operators on operators, and blocks in blocks."""
+LONGEST_STATEMENT = 5000
+"""Words up to the end of a line."""
 POSE_LENGTH = 6
 CONTINUED = frozenset({"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"})
 """Words behind which a line goes on."""
@@ -230,16 +232,21 @@ class _Lines:
     always_accept = ("_NL",)
 
     def process(self, stream: Iterator[Token]) -> Iterator[Token]:
-        brackets, last = 0, ""
+        brackets, words, last = 0, 0, ""
         for token in stream:
+            words += 1
+            if words > LONGEST_STATEMENT:
+                raise ScriptError(f"a statement has {LONGEST_STATEMENT} words at most", None, _line(token))
             if token.type in OPENING:
                 brackets += 1
                 if brackets > DEEPEST:
                     raise ScriptError(f"this nests deeper than {DEEPEST}", None, _line(token))
             elif token.type in CLOSING:
                 brackets = max(brackets - 1, 0)
-            if token.type == "_NL" and (brackets or last in CONTINUED):
-                continue
+            if token.type == "_NL":
+                if brackets or last in CONTINUED:
+                    continue
+                words = 0
             last = token.type
             yield token
 

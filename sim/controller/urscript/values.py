@@ -37,7 +37,7 @@ class ScriptError(BreastScanError):
         self.line = line
 
 
-class Pose(tuple[float, ...]):
+class Pose(tuple):
     """`p[x, y, z, rx, ry, rz]`; a plain list is joint angles."""
 
     @staticmethod
@@ -202,7 +202,7 @@ def _order(name: str, compare: Callable[[Any, Any], bool]) -> Callable[[Value, V
     return apply
 
 
-def _modulo(a: float, b: float) -> float:
+def _modulo(a: Any, b: Any) -> Any:
     """With the sign of the dividend, as in C."""
     result = math.fmod(a, b)
     return int(result) if a.__class__ is b.__class__ is int else result

@@ -11,9 +11,12 @@ ROOT = Path(__file__).parents[3]
 
 
 @contextmanager
-def served(host, *options):
-    """Run `breastscan twin` at a loopback address; yields its process."""
-    command = [sys.executable, "-m", "breastscan", "twin", "--controller.host", host, *options]
+def served(host, *options, module=("breastscan",)):
+    """Run `breastscan twin` at a loopback address; yields its process.
+
+    `module` is what is run in place of `breastscan`, with arguments that come first.
+    """
+    command = [sys.executable, "-m", *module, "twin", "--controller.host", host, *options]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         for line in process.stdout:

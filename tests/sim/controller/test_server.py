@@ -12,41 +12,9 @@ from sim.controller.config import ControllerConfig
 from sim.controller.faults import TwinControl
 from sim.controller.variables import OUTPUTS, Recipe
 from tests.sim.controller.served import client, served
+from tests.sim.controller.wire import Wire
 
 HOST = "127.0.0.2"
-
-
-class Wire:
-    """RTDE by hand."""
-
-    def __init__(self, host=HOST):
-        self.socket = socket.create_connection((host, 30004), 10)
-        assert self.ask(b"V", struct.pack(">H", 2)) == b"\x01"
-
-    def send(self, kind, payload=b""):
-        self.socket.sendall(struct.pack(">HB", 3 + len(payload), kind[0]) + payload)
-
-    def read(self):
-        size, kind = struct.unpack(">HB", self._exactly(3))
-        return bytes([kind]), self._exactly(size - 3)
-
-    def ask(self, kind, payload=b""):
-        self.send(kind, payload)
-        answered, body = self.read()
-        assert answered == kind
-        return body
-
-    def outputs(self, frequency, names):
-        return self.ask(b"O", struct.pack(">d", frequency) + ",".join(names).encode())
-
-    def _exactly(self, count):
-        data = b""
-        while len(data) < count:
-            data += self.socket.recv(count - len(data))
-        return data
-
-    def close(self):
-        self.socket.close()
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +25,7 @@ def twin():
 
 @pytest.fixture
 def wire(twin):
-    wire = Wire()
+    wire = Wire(HOST)
     yield wire
     wire.close()
 
@@ -93,7 +61,7 @@ def test_every_output_can_be_asked_for(wire):
 def test_unknown_variables_are_named_and_held_inputs_refused_until_their_holder_leaves(wire):
     assert wire.outputs(500, ["timestamp", "nonsense"]) == b"\x00DOUBLE,NOT_FOUND"
     assert wire.ask(b"I", b"input_int_register_40,") == b"\x01INT32"
-    other = Wire()
+    other = Wire(HOST)
     assert other.ask(b"I", b"input_int_register_40") == b"\x00IN_USE"
     wire.close()
     for _ in range(100):

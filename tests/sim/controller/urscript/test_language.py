@@ -1,0 +1,384 @@
+"""URScript as client libraries upload it: what programs compute, when they wait, and what they are told."""
+
+import pytest
+
+from sim.controller.urscript.program import DEEPEST_CALL, MOST_THREADS, Program, load
+from sim.controller.urscript.signature import (
+    ANYTHING,
+    JOINTS,
+    NUMBER,
+    POSE,
+    Parameter,
+    row,
+    table,
+    whole,
+)
+from sim.controller.urscript.splitter import LONGEST_PROGRAM, Splitter
+from sim.controller.urscript.syntax import DEEPEST
+from sim.controller.urscript.values import LONGEST_LIST, LONGEST_STRING, ScriptError
+
+
+class Machine:
+    """A controller that remembers what programs said, and waits a period in `sync`."""
+
+    def __init__(self):
+        self.said = []
+
+        def sync():
+            yield
+
+        def later(value):
+            yield
+            return value
+
+        value = Parameter("value", ANYTHING)
+        self.functions = table(
+            [
+                row("say", self.said.append, value),
+                row("sync", sync),
+                row("later", later, value),
+                row("add", lambda a, b: a + b, Parameter("a", NUMBER), Parameter("b", NUMBER, 5)),
+                row("port", lambda i: i, Parameter("i", whole(0, 47))),
+                row("joints", lambda q: q.tolist(), Parameter("q", JOINTS)),
+                row("pose", lambda x: x, Parameter("x", POSE)),
+            ]
+        )
+
+    def program(self, source):
+        loading = load(source, self.functions)
+        while True:
+            try:
+                next(loading)
+            except StopIteration as done:
+                return Program(done.value)
+
+    def run(self, body, periods=100):
+        """Run a program with this body; how many periods it took."""
+        program = self.program(f"def main():\n{body}\nend")
+        for taken in range(periods):
+            if not program.running:
+                return taken
+            program.step()
+        return periods
+
+
+def said(body, periods=100):
+    machine = Machine()
+    machine.run(body, periods)
+    return machine.said
+
+
+def test_what_a_program_computes_and_when_it_waits():
+    machine = Machine()
+    body = """
+  # a comment
+  x = 1
+  while x < 4:  # another
+    x = x + 1
+    sync()
+    if x == 2:
+      say("two # no comment")
+    elif x == 3:
+      say("three")
+    else:
+      say(x)
+    end
+  end
+"""
+    assert machine.run(body) == 4
+    assert machine.said == ["two # no comment", "three", 4]
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("1 + 2 * 3 - 4 / 8", 6.5),
+        ("-2 * -(3 - 5)", -4),
+        ("-7 % 3", -1),  # the sign of the dividend, as in C
+        ("7.5 % 2", 1.5),
+        ("1 < 2 and not 2 < 1 or False", True),
+        ("True xor 1 == 1", False),
+        ("1 == True", False),
+        ('"a" == "a"', True),
+        ("[1, 2] == [1, 2.0]", True),
+        ("[1, 2, 3] * 2", (2, 4, 6)),
+        ("[1, 2] + [10, 20]", (11, 22)),
+        ("[[1, 2], [3, 4]][1, 0]", 3),
+        ("[[1, 2], [3, 4]][1][0]", 3),
+        ("p[1, 2, 3, 4, 5, 6][5]", 6),
+        ("p[0, 0, 0.1, 0, 0, 0]", (0, 0, 0.1, 0, 0, 0)),
+        (".5e1", 5.0),
+        ("later(1) + later(2)", 3),
+        ("add(1)", 6),
+        ("add(b=1, a=2)", 3),
+        ("joints([1, 2, 3, 4, 5, 6])", [1, 2, 3, 4, 5, 6]),
+    ],
+)
+def test_expressions(expression, value):
+    assert said(f"say({expression})") == [value]
+
+
+def test_a_right_side_is_left_alone_where_the_left_one_decides():
+    body = """
+  def heard():
+    sync()
+    say("heard")
+    return True
+  end
+  say(False and heard())
+  say(True or heard())
+  say(True and heard())
+"""
+    assert said(body) == [False, True, "heard", True]
+
+
+def test_operands_are_taken_from_left_to_right_also_around_a_call_that_waits():
+    body = """
+  global a = 1
+  def change():
+    a = 10
+    sync()
+    return 100
+  end
+  say(a + change())
+  say([a, change(), a])
+"""
+    assert said(body) == [101, (10, 100, 10)]
+
+
+def test_functions_wait_inside_and_give_values_back():
+    assert said("def twice(y):\n sync()\n return 2 * y\n end\n say(twice(twice(3)))") == [12]
+    assert said("def half(y=4):\n return y / 2\n end\n say(half())\n say(half(3))") == [2, 1.5]
+
+
+def test_threads_take_turns_and_can_be_killed():
+    body = """
+  global count = 0
+  thread counting():
+    while True:
+      enter_critical
+      count = count + 1
+      exit_critical
+      sync()
+    end
+  end
+  t = run counting()
+  sync()
+  sync()
+  kill t
+  say(count)
+  sync()
+  say(count)
+"""
+    assert said(body) == [2, 2]
+
+
+def test_join_waits_for_a_thread_and_a_thread_may_end_itself():
+    body = """
+  global me = 0
+  thread working():
+    sync()
+    say("works")
+    kill me
+    say("never")
+  end
+  me = run working()
+  join me
+  say("joined")
+"""
+    assert said(body) == ["works", "joined"]
+
+
+def test_a_thread_that_never_waits_goes_on_in_the_next_period_and_leaves_others_their_turn():
+    body = """
+  thread busy():
+    while True:
+      x = 1
+    end
+  end
+  a = run busy()
+  b = run busy()
+  i = 0
+  while i < 5:
+    i = i + 1
+    sync()
+  end
+  say(i)
+"""
+    machine = Machine()
+    assert machine.run(body) == 6
+    assert machine.said == [5]
+    assert Machine().run("while True:\n x = 1\n end", periods=50) == 50
+
+
+def test_nobody_else_has_a_turn_while_a_thread_is_in_a_critical_section():
+    body = """
+  thread other():
+    say("other")
+  end
+  t = run other()
+  enter_critical
+  sync()
+  sync()
+  say("main")
+  exit_critical
+  sync()
+"""
+    assert said(body) == ["main", "other"]
+
+
+@pytest.mark.parametrize(
+    ("body", "values"),
+    [
+        # the examples of the manual's scoping rules
+        ("global a = 0\ndef f():\nlocal a = 1\nsay(a)\nend\nf()\nsay(a)", [1, 0]),
+        ("global a = 0\ndef f():\na = 1\nend\nf()\nsay(a)", [1]),
+        ("a = 0\ndef f():\na = 1\nend\nf()\nsay(a)", [1]),
+        ("global a = 0\ndef f():\nlocal a = 1\ndef g():\na = 2\nend\ng()\nsay(a)\nend\nf()\nsay(a)", [1, 2]),
+        ("def f():\nglobal b = 7\nend\nf()\nsay(b)", [7]),
+    ],
+)
+def test_scopes(body, values):
+    assert said(body) == values
+
+
+def test_values_are_never_shared():
+    assert said("a = [1, 2]\nb = a\nb[0] = 9\nsay(a)\nsay(b)\nc = [a, b]\nc[0, 1] = 5\nsay(c)\nsay(a)") == [
+        (1, 2), (9, 2), ((1, 5), (9, 2)), (1, 2),
+    ]  # fmt: skip
+
+
+def test_a_value_that_stands_on_the_next_line_belongs_to_the_assignment():
+    assert said("global offset = # note\n0    global other = 3\nsay(offset + other)") == [3]
+    assert said("x = [1,\n 2]\nsay(x)\ny = 1 +\n 2\nsay(y)") == [(1, 2), 3]
+
+
+def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
+    assert said("async = 7\nlambda = 8\np = p[0, 1, 2, 3, 4, async]\nsay(p[5] + lambda)") == [15]
+
+
+@pytest.mark.parametrize(
+    ("source", "line", "why"),
+    [
+        ("say(1)", 1, "syntax error"),
+        ("def main():\n say(1)\n", 2, "no `end`"),
+        ("def main():\n x = = 2\nend", 2, "syntax error"),
+        ("def main():\n\n say(\u00e9)\nend", 3, "syntax error"),
+        ("def main(a):\nend", 1, "no parameters"),
+        ("thread main():\nend", 1, "begins with"),
+        ("def main():\n x.y = 1\nend", 2, "members"),
+        ("def main():\n 1 = 2\nend", 2, "assigned to"),
+        ("def main():\n break\nend", 2, "outside of a loop"),
+        ("def main():\n say(nothing)\nend", 2, "not defined"),
+        ("def main():\n unknown()\nend", 2, "no function"),
+        ("def main():\n t = run say(1)\nend", 2, "no thread"),
+        ("def main():\n say()\nend", 2, "lacks"),
+        ("def main():\n say(1, 2)\nend", 2, "takes 1 arguments"),
+        ("def main():\n say(1, value=2)\nend", 2, "takes 1 arguments"),
+        ("def main():\n say(valu=2)\nend", 2, "no parameter"),
+        ("def main():\n add(a=1, 2)\nend", 2, "come before"),
+        ("def main():\n port(48)\nend", 2, "integer from 0 to 47"),
+        ("def main():\n x = 99999999999\nend", 2, "larger than an integer"),
+        ("def main():\n x = " + "(" * 5000 + "1" + ")" * 5000 + "\nend", 2, f"deeper than {DEEPEST}"),
+        ("def main():\n x = " + "[" * 200_000, 2, f"deeper than {DEEPEST}"),
+        ("def main():\n x = " + "not " * 1000 + "True\nend", 2, f"deeper than {DEEPEST}"),
+        ("def main():\n x = y" + " + y" * 1000 + "\nend", 2, f"deeper than {DEEPEST}"),
+        ("def main():\n x = [" + "0, " * 5000 + "0]\nend", 2, "words at most"),
+        ("def main():\n x = True" + " or True" * 5000 + "\nend", 2, "words at most"),
+        ("def main():\n" + "if True:\n" * 5000 + "end\n" * 5001, DEEPEST + 3, f"deeper than {DEEPEST}"),
+        ('def main():\n x = "' + "a" * (LONGEST_STRING + 1) + '"\nend', 2, "characters at most"),
+    ],
+    ids=lambda value: str(value)[:30],
+)
+def test_what_is_no_program_is_refused_with_line_and_reason(source, line, why):
+    with pytest.raises(ScriptError, match=why) as refused:
+        Machine().program(source)
+    assert refused.value.line == line
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("say(1 / 0)", "division"),
+        ("say([1][3])", "index 3"),
+        ("say([1][-1])", "index -1"),
+        ("say([1][0.0])", "index is an integer"),
+        ("say(later(1)[0])", "only lists"),
+        ("say(2147483647 + 1)", "integer overflow"),
+        ("x = 3\nwhile True:\nx = x * x\nend", "integer overflow"),
+        ("x = [1]\nwhile True:\nx = [x, x]\nend", "nest"),
+        (f"x = [{'0, ' * 500}0]\ny = [x, x]", f"{LONGEST_LIST} elements"),
+        ("say(True + 1)", "not defined"),
+        ('say("a" * 2)', "not defined"),
+        ('say("a" < "b")', "order"),
+        ("say(True < 2)", "order"),
+        ('if "a":\nend', "condition"),
+        ("y = p[1, 2, 3, 4, 5, True]", "six numbers"),
+        ("y = p[1, 2, 3, 4, 5, 6]\ny[0] = True", "six numbers"),
+        ("join 3", "takes a thread"),
+        ("def f():\nsay(a)\nlocal a = 1\nend\nf()", "before it has a value"),
+        ("def f(x):\nreturn f(x + 1)\nend\nf(1)", f"{DEEPEST_CALL} deep"),
+        (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MOST_THREADS}:\nx = run t()\ni = i + 1\nend",
+         f"{MOST_THREADS} threads"),
+        ("joints([1, 2, 3, 4, 5, 1e308 * 10])", "six numbers"),
+        ("add(1e308 * 10)", "a is a number"),
+        ("add(later(0))\nport(1 / 2)", "integer from 0"),
+    ],
+    ids=lambda value: str(value)[:30],
+)  # fmt: skip
+def test_an_error_in_a_program_is_told_with_its_line(line, why):
+    with pytest.raises(ScriptError, match=why) as ended:
+        Machine().run(f"\n{line}")
+    assert ended.value.line >= 3
+
+
+def test_the_line_of_an_error_is_that_of_the_statement():
+    with pytest.raises(ScriptError) as ended:
+        Machine().run("def f(x):\n sync()\n return 1 / x\nend\nsay(1)\nsay(f(0))")
+    assert ended.value.line == 4
+
+
+def test_halt_ends_a_program_from_wherever_it_stands():
+    assert said("thread t():\nsync()\nhalt\nend\nx = run t()\nwhile True:\nsync()\nend") == []
+    assert Machine().run("def f():\nhalt\nend\nf()\nsay(1)") == 1
+
+
+def test_calls_that_double_at_every_level_take_many_periods_and_none_of_them_long():
+    functions = "".join(f"def f{k}():\nf{k + 1}()\nf{k + 1}()\nend\n" for k in range(40))
+    assert Machine().run(f"{functions}def f40():\nend\nf0()", periods=50) == 50
+
+
+def test_a_program_that_runs_again_has_forgotten_what_it_knew():
+    machine = Machine()
+    loading = load("def main():\nif later(False):\na = 1\nend\nsay(a)\nend", machine.functions)
+    with pytest.raises(StopIteration) as done:
+        while True:
+            next(loading)
+    script = done.value.value
+    script.variables[0] = 5
+    program = Program(script)
+    program.step()
+    with pytest.raises(ScriptError, match="before it has a value"):
+        program.step()
+
+
+def test_programs_arrive_whole_however_the_packets_are_cut():
+    text = b"set unlock protective stop\ndef a():\n if True:\n  x = 1\n end\nend\nsec b():\n y = 1\nend\n"
+    for size in (1, 7, len(text)):
+        splitter = Splitter()
+        pieces = [text[i : i + size] for i in range(0, len(text), size)]
+        programs = [program for piece in pieces for program in splitter.feed(piece)]
+        assert [program.split("\n")[0] for program in programs] == [
+            "set unlock protective stop",
+            "def a():",
+            "sec b():",
+        ]
+
+
+@pytest.mark.parametrize("line", [b"x = 1\n", b"x"])
+def test_a_program_without_end_is_not_kept_for_ever(line):
+    splitter = Splitter()
+    splitter.feed(b"def a():\n")
+    with pytest.raises(ScriptError, match="characters at most"):
+        for _ in range(LONGEST_PROGRAM // 1000):
+            splitter.feed(line * 1000)
