@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from sim.controller.rtde import Connection
 
-CHUNK = 16384
-"""Bytes that are taken from a client at once."""
+CHUNK = 1024
+"""Bytes that are taken from a client at once: a flood of short lines then leaves the others their turn."""
 SEND_BUFFER = 131072
 """Bytes that the system keeps for a client that is late."""
 NOT_READING = 10.0
@@ -17,6 +17,8 @@ LONGEST_LINE = 65536
 """Bytes of a line, where lines are answered."""
 PRINTABLE = 0x21
 """From here on a first byte is a letter's, and not of the size of an RTDE message."""
+SPACES = b"\t\n\r "
+"""With which text may begin besides; what else does not is a browser's as well (TLS)."""
 WORDS = ("GET", "HEAD", "POST", "PUT", "DELETE", "CONNECT", "OPTIONS", "TRACE", "PATCH", "PRI")
 METHODS = tuple(f"{word} ".encode() for word in WORDS)
 """With which a browser begins."""
@@ -93,9 +95,10 @@ class Client:
         """Go on only if it is no browser that speaks: any page could make it."""
         first, end, _ = opening.partition(b"\n")
         is_text = self.rtde is None
-        if opening.startswith(METHODS) or REQUEST.search(first) or (not is_text and opening[0] >= PRINTABLE):
+        fits = (opening[0] >= PRINTABLE or opening[0] in SPACES) is is_text
+        if not fits or opening.startswith(METHODS) or REQUEST.search(first) or len(first) > LONGEST_LINE:
             self.close()
-        elif is_text and not end and len(first) <= LONGEST_LINE:
+        elif is_text and not end:
             self._opening = opening
         else:
             self._opening = None

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
+from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.motion import Braking, ImpossibleMotion, Motion
@@ -32,10 +33,12 @@ SLIDER_RATE = 0.01
 """Change of the speed scaling in a period [-]."""
 HISTORY = 1000
 """Periods whose joint angles a program may ask for."""
+FASTEST = 1.5 * SPEED_LIMIT
+"""Of a joint [rad/s]: servoj may overshoot the speed of its targets, by less than this."""
 LOADED_WORDS = 150
 """Words of a program that are taken in a period: about a millisecond, so that no cycle waits for a long one."""
 WAITING_PROGRAMS = 16
-"""That have come in and are not loaded yet; what comes beyond is dropped."""
+"""Of one client that have come in and are not loaded yet; what comes beyond is dropped."""
 REMEMBERED_PROGRAMS, REMEMBERED_LENGTH = 16, 100_000
 """That need not be loaded again, and how many characters such a one has at most."""
 UNTOLD_ERRORS = 16
@@ -52,6 +55,15 @@ class Watchdog:
     """Whether it stops the program, else it pauses it."""
     armed: float
     """When it was set [s]."""
+
+
+@dataclass
+class _Loading:
+    """A program on its way in."""
+
+    source: str
+    words: Generator[None, None, Script]
+    """Loads it, a word a turn."""
 
 
 class Controller:
@@ -71,7 +83,7 @@ class Controller:
             mount_angle: Of the probe [rad], for the payload that is set up.
             tell: Is told what an operator would want to know.
         """
-        self.robot, self.config, self._tell = robot, config, tell
+        self.robot, self.config, self.tell = robot, config, tell
         self.inputs: dict[str, float | list[float]] = {name: zero(kind) for name, kind in INPUTS.items()}
         self._written: dict[str, float] = {}
         self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
@@ -98,9 +110,8 @@ class Controller:
         self.errors: deque[ScriptError] = deque(maxlen=UNTOLD_ERRORS)
         """Of programs, which the clients have not been told yet."""
         self.functions = {}
-        self._sources: deque[str] = deque()
-        self._loading: Generator[None, None, Script] | None = None
-        """Of the first of these."""
+        self._loading: dict[object, deque[_Loading]] = {}
+        """Programs that are not complete yet, by who sent them: each has its first one loaded in turn."""
         self._scripts: OrderedDict[str, Script] = OrderedDict()
 
     @property
@@ -129,25 +140,31 @@ class Controller:
         self._move()
         self.history.append(self.state.q)
 
-    def run(self, source: str) -> None:
-        """Start a program, as soon as it is loaded, or do at once what a line outside of one says."""
+    def run(self, source: str, sender: object = None) -> None:
+        """Start a program, as soon as it is loaded, or do at once what a line outside of one says.
+
+        Args:
+            source: The program, or the line.
+            sender: Whose it is: those of one sender are loaded one after the other, those of several by turns.
+        """
         command = source.strip()
         if command in _COMMANDS:
             _COMMANDS[command](self)
             return
         if not self.operational:
-            self._tell("a program was refused: the arm is not operational")
+            self.tell("a program was refused: the arm is not operational")
             return
-        if len(self._sources) >= WAITING_PROGRAMS:
-            self._tell("a program was dropped: too many come in at once")
+        waiting = self._loading.setdefault(sender, deque())
+        if len(waiting) >= WAITING_PROGRAMS:
+            self._report("a program was dropped", ScriptError(f"{WAITING_PROGRAMS} others of this client wait"))
             return
         outside = not command.startswith(("def ", "sec "))
-        self._sources.append(f"def line(): {source}\nend" if outside else source)
+        text = f"def line(): {source}\nend" if outside else source
+        waiting.append(_Loading(text, load(text, self.functions)))
 
     def stop_program(self, why: str) -> None:
         """End the program, and whatever waits to be one, and bring the arm to rest."""
-        self._sources.clear()
-        self._loading = None
+        self._loading.clear()
         self._end_program(why)
 
     def pause(self) -> None:
@@ -155,18 +172,22 @@ class Controller:
         if self.runtime is Runtime.PLAYING:
             self.runtime = Runtime.PAUSED
             self.motion = Braking(self.robot, STOP_DECELERATION)
+            if self.program is not None:
+                self.program.suspended = True
 
     def resume(self) -> bool:
         """Go on with a paused program, where that is possible."""
         possible = self.runtime is Runtime.PAUSED and self.operational
         if possible:
             self.runtime = Runtime.PLAYING
+        if possible and self.program is not None:
+            self.program.suspended = False
         return possible
 
     def protective_stop(self, why: str) -> None:
         """What a controller does that finds something wrong: rest, paused, until it is unlocked."""
         if self.safety is Safety.NORMAL:
-            self._tell(f"protective stop: {why}")
+            self.tell(f"protective stop: {why}")
             self.safety, self._stopped_at = Safety.PROTECTIVE_STOP, self.time
             self.pause()
             self.motion = Braking(self.robot, SAFE_DECELERATION)
@@ -230,33 +251,34 @@ class Controller:
         return np.concatenate([force, moment + motion.cross_matrix(lever_B) @ force])
 
     def _load(self) -> None:
-        """Go on with the program that came in first; once it is complete, start it."""
-        if not self._sources:
+        """Go on with a program that has come in; once it is complete, start it."""
+        if not self._loading:
             return
-        source = self._sources[0]
-        script = self._scripts.get(source)
-        if script is None:
-            try:
-                script = self._read(source)
-            except ScriptError as error:
-                self._sources.popleft()
-                self._loading = None
-                self._report("a program was refused", error)
-                return
-        if script is not None:
-            self._sources.popleft()
-            self._loading = None
-            self._start(script)
+        sender, waiting = next(iter(self._loading.items()))
+        del self._loading[sender]
+        try:
+            script = self._read(waiting[0])
+        except ScriptError as error:
+            self._report("a program was refused", error)
+            waiting.popleft()
+        else:
+            if script is not None:
+                self._start(script)
+                waiting.popleft()
+        if waiting:
+            self._loading[sender] = waiting  # as the last of all
 
-    def _read(self, source: str) -> Script | None:
+    def _read(self, loading: "_Loading") -> Script | None:
         """So much of a program as a period has time for; the whole once it is there."""
-        self._loading = self._loading or load(source, self.functions)
+        known = self._scripts.get(loading.source)
+        if known is not None:
+            return known
         try:
             for _ in range(LOADED_WORDS):
-                next(self._loading)
+                next(loading.words)
         except StopIteration as done:
-            if len(source) <= REMEMBERED_LENGTH:
-                self._scripts[source] = done.value
+            if len(loading.source) <= REMEMBERED_LENGTH:
+                self._scripts[loading.source] = done.value
             if len(self._scripts) > REMEMBERED_PROGRAMS:
                 self._scripts.popitem(last=False)
             return done.value
@@ -270,7 +292,7 @@ class Controller:
     def _end_program(self, why: str) -> None:
         if self.program is not None:
             self.program.end()
-            self._tell(f"program {self.program.name[:SHOWN]} ended: {why}")
+            self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
         self.program, self.owner = None, None
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:
@@ -280,7 +302,7 @@ class Controller:
     def _report(self, what: str, error: ScriptError) -> None:
         self.program_error = f"line {error.line}: {error}"
         self.errors.append(error)
-        self._tell(f"{what}: {self.program_error}")
+        self.tell(f"{what}: {self.program_error}")
 
     def _move(self) -> None:
         """A period of the arm."""
@@ -290,14 +312,23 @@ class Controller:
             if not self.motion(self.robot, self.scaling):
                 self.motion = motion.hold
             self.state = self.robot.state()
-        except (ImpossibleMotion, ArithmeticError, ValueError) as error:
+            self._watch_joints()
+        except (ImpossibleMotion, ArithmeticError, ValueError) as error:  # nothing has moved yet
             self.protective_stop(str(error))
             self.motion = Braking(self.robot, SAFE_DECELERATION)
             self._move()
         except RobotError as error:  # the physics has come to no solution, and does not go on
             self.stop_program("a fault")
             self.safety, self.mode = Safety.FAULT, RobotMode.POWER_OFF
-            self._tell(f"the simulation has failed, start the twin anew: {error}")
+            self.tell(f"the simulation has failed, start the twin anew: {error}")
+
+    def _watch_joints(self) -> None:
+        """Stop whatever moves the arm too fast, or out of its joints' range."""
+        q, qd = self.robot.course
+        if not np.abs(qd).max() <= FASTEST:
+            self.protective_stop(f"a joint moves at {np.abs(qd).max():.2f} rad/s")
+        elif (np.abs(q) > ANGLE_LIMIT).any() and (q * qd)[np.abs(q) > ANGLE_LIMIT].max() > 0:
+            self.protective_stop(f"a joint is at {np.abs(q).max():.2f} rad, and leaves its range")
 
     def _take_inputs(self) -> None:
         """Slider and outputs, where their masks say so."""

@@ -62,7 +62,7 @@ class Faults:
     def answer(self, line: str) -> str:
         """Do what a line asks for."""
         try:
-            request = json.loads(line, parse_constant=_refuse)
+            request = json.loads(line, parse_constant=_refuse, parse_int=float)
         except (ValueError, RecursionError) as error:
             return self._refusal(f"no JSON: {error}")
         if not isinstance(request, dict) or not isinstance(request.get("do"), str):

@@ -4,7 +4,7 @@ A name that no row has is refused where a program calls it. `motion_functions` h
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 
 import numpy as np
 from jaxtyping import Float
@@ -67,9 +67,9 @@ def _mathematics() -> Iterable[Function]:
     yield from (row(name, compute, x) for name, compute in one.items())
     yield row("atan2", math.atan2, x, y)
     yield row("pow", math.pow, x, y)
-    yield row("norm", _norm, Parameter("a", ANYTHING))
+    yield row("norm", _norm, Parameter("a", ANYTHING), costly=True)
     yield row("length", len, Parameter("array", LIST))
-    yield row("to_str", lambda value: make_string([value]), Parameter("value", ANYTHING))
+    yield row("to_str", lambda value: make_string([value]), Parameter("value", ANYTHING), costly=True)
 
 
 def _norm(value: Value) -> float:
@@ -129,13 +129,13 @@ def _readings(controller: Controller) -> Iterable[Function]:
         "get_actual_tool_flange_pose": lambda: arm.forward(controller.state.q),
         "get_tcp_offset": lambda: controller.X_FT,
     }
-    yield from (row(name, lambda read=read: tuple(read().tolist())) for name, read in arrays.items())
-    yield from (row(name, lambda read=read: Pose.of(read())) for name, read in poses.items())
+    yield from (row(name, lambda read=read: tuple(read().tolist()), costly=True) for name, read in arrays.items())
+    yield from (row(name, lambda read=read: Pose.of(read()), costly=True) for name, read in poses.items())
     yield row("get_steptime", lambda: PERIOD)
     yield row("get_actual_joint_positions_history", history, Parameter("steps", whole(0, 2**31 - 1), 0))
-    yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])))
-    yield row("tool_contact", touches, Parameter("direction", JOINTS, None))
-    yield row("is_steady", is_steady)
+    yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])), costly=True)
+    yield row("tool_contact", touches, Parameter("direction", JOINTS, None), costly=True)
+    yield row("is_steady", is_steady, costly=True)
     yield row("get_freedrive_status", lambda: int(controller.freedrive))
 
 
@@ -148,10 +148,10 @@ def _dynamics(controller: Controller) -> Iterable[Function]:
         return _matrix(motion.tool_jacobian(arm, controller.state.q, controller.X_FT[:3, 3]))
 
     yield row("get_mass_matrix", lambda *_: _matrix(robot.mass_matrix()), q,
-              Parameter("include_rotors_inertia", CONDITION, True))  # fmt: skip
+              Parameter("include_rotors_inertia", CONDITION, True), costly=True)  # fmt: skip
     yield row("get_coriolis_and_centrifugal_torques", lambda *_: (0.0,) * 6, q, qd)
-    yield row("get_jacobian", jacobian, q, tcp)
-    yield row("get_jacobian_time_derivative", lambda *_: _matrix(np.zeros((6, 6))), q, qd, tcp)
+    yield row("get_jacobian", jacobian, q, tcp, costly=True)
+    yield row("get_jacobian_time_derivative", lambda *_: _matrix(np.zeros((6, 6))), q, qd, tcp, costly=True)
 
 
 def _matrix(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
@@ -184,9 +184,15 @@ def _settings(controller: Controller) -> Iterable[Function]:
 
         return switch
 
-    yield row("set_tcp", set_tcp, Parameter("pose", POSE), Parameter("tcp_name", TEXT, ""))
-    yield row("set_payload", set_payload, mass, cog, inertia)
-    yield row("set_target_payload", set_payload, mass, cog, inertia, Parameter("transition_time", NUMBER, 0.0))
+    def protective_stop() -> Generator[None, None, None]:
+        controller.protective_stop("the program asks for it")
+        yield
+
+    yield row("set_tcp", set_tcp, Parameter("pose", POSE), Parameter("tcp_name", TEXT, ""), costly=True)
+    yield row("set_payload", set_payload, mass, cog, inertia, costly=True)
+    yield row(
+        "set_target_payload", set_payload, mass, cog, inertia, Parameter("transition_time", NUMBER, 0.0), costly=True
+    )
     yield row("get_target_payload", lambda: controller.payload.mass)
     yield row("get_target_payload_cog", lambda: tuple(controller.payload.centre_F.tolist()))
     yield row("get_target_payload_inertia", lambda: tuple(controller.inertia))
@@ -195,7 +201,7 @@ def _settings(controller: Controller) -> Iterable[Function]:
         "rtde_set_watchdog", set_watchdog, Parameter("variable_name", INPUT),
         Parameter("min_frequency", NUMBER), Parameter("action", choice("ignore", "pause", "stop"), "pause"),
     )  # fmt: skip
-    yield row("protective_stop", lambda: controller.protective_stop("the program asks for it"))
+    yield row("protective_stop", protective_stop, waits=True)
     yield row("teach_mode", free(True))
     yield row("end_teach_mode", free(False))
     axes, frame = Parameter("freeAxes", JOINTS, None), Parameter("feature", POSE, None)
@@ -235,10 +241,10 @@ def _poses() -> Iterable[Function]:
 
     first, second = Parameter("p_1", POSE), Parameter("p_2", POSE)
     start, step = Parameter("p_from", POSE), Parameter("p_from_to", POSE)
-    yield row("pose_trans", lambda a, b: Pose.of(a.matrix @ b.matrix), start, step)
-    yield row("pose_inv", lambda a: Pose.of(se3.inverse(a.matrix)), Parameter("p_from", POSE))
-    yield row("pose_add", lambda a, b: added(a, b, 1.0), first, second)
-    yield row("pose_sub", lambda a, b: added(a, b, -1.0), first, second)
+    yield row("pose_trans", lambda a, b: Pose.of(a.matrix @ b.matrix), start, step, costly=True)
+    yield row("pose_inv", lambda a: Pose.of(se3.inverse(a.matrix)), Parameter("p_from", POSE), costly=True)
+    yield row("pose_add", lambda a, b: added(a, b, 1.0), first, second, costly=True)
+    yield row("pose_sub", lambda a, b: added(a, b, -1.0), first, second, costly=True)
 
 
 def _kinematics(controller: Controller) -> Iterable[Function]:
@@ -261,7 +267,7 @@ def _kinematics(controller: Controller) -> Iterable[Function]:
     def solve(x: Pose, qnear: Vector6 | None, *_: object) -> tuple[float, ...]:
         return tuple(inverse(controller, x, qnear).tolist())
 
-    yield row("get_forward_kin", forward, Parameter("q", JOINTS, None), Parameter("tcp", POSE, None))
-    yield row("get_inverse_kin", solve, Parameter("x", POSE), *tolerances)
-    yield row("get_inverse_kin_has_solution", has_solution, Parameter("x", POSE), *tolerances)
-    yield row("is_within_safety_limits", is_within_limits, Parameter("pose", PLACE), near)
+    yield row("get_forward_kin", forward, Parameter("q", JOINTS, None), Parameter("tcp", POSE, None), costly=True)
+    yield row("get_inverse_kin", solve, Parameter("x", POSE), *tolerances, costly=True)
+    yield row("get_inverse_kin_has_solution", has_solution, Parameter("x", POSE), *tolerances, costly=True)
+    yield row("is_within_safety_limits", is_within_limits, Parameter("pose", PLACE), near, costly=True)

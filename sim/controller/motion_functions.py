@@ -51,9 +51,9 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
             Parameter("friction_comp", ANYTHING, True), Parameter("viscous_scale", JOINTS, None),
             Parameter("coulomb_scale", JOINTS, None)),
     )  # fmt: skip
-    yield from (row(r.name, _owned(controller, r.call), *r.parameters) for r in rows)
-    yield row("sync", _sync)
-    yield row("sleep", _sleep, Parameter("t", NUMBER))
+    yield from (row(r.name, _owned(controller, r.call), *r.parameters, waits=True) for r in rows)
+    yield row("sync", _sync, waits=True)
+    yield row("sleep", _sleep, Parameter("t", NUMBER), waits=True)
 
 
 def _sync() -> Wait:

@@ -21,8 +21,8 @@ OLD_FREQUENCY = 125.0
 """Rate in the protocol's first version [Hz]."""
 EXCEPTION, ERROR = 0, 1
 """Levels of a text message."""
-MOST_RECIPES, MOST_FIELDS = 255, 1000
-"""Of inputs, and fields of a recipe, for each connection: more than there are variables."""
+MOST_RECIPES, MOST_FIELDS = 255, 400
+"""Of inputs, and fields of a recipe, for each connection: a little more than there are variables."""
 MAY_BE_NOISE = frozenset({"standard_analog_output_0", "standard_analog_output_1"})
 """Fields that a client in use leaves as it found its memory, where the mask says that they do not count."""
 
@@ -69,6 +69,8 @@ class Connection:
         self._read = outputs.reader([])
         self._inputs: list[Recipe] = []
         self._started = False
+        self._is_client = False
+        """Whether it has sent a message that there is: what begins otherwise speaks another language."""
         self._per_cycle, self._due = 1.0, 0.0
         self.commands = 0
         """Data packages that came in since the last period."""
@@ -108,6 +110,10 @@ class Connection:
             self._reply(TEXT, b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([level]))
 
     def _answer(self, kind: int, payload: bytes) -> None:
+        if kind not in _MESSAGES and not self._is_client:
+            self._line.close()
+            return
+        self._is_client = True
         try:
             _MESSAGES[kind](self, payload)
         except (struct.error, UnicodeDecodeError, LookupError):
@@ -136,10 +142,10 @@ class Connection:
             payload = payload[8:]
         names = _names(payload)
         kinds = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
-        known = "NOT_FOUND" not in kinds and len(names) <= MOST_FIELDS
+        known = "NOT_FOUND" not in kinds and len(names) <= MOST_FIELDS and math.isfinite(frequency)
         if known:
             self._recipe, self._read = Recipe(names, kinds), self._outputs.reader(names)
-            self._per_cycle = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY
+            self._per_cycle, self._due = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY, 0.0
         number = struct.pack(">B", known) if self._version == 2 else b""
         self._reply(OUTPUT_SETUP, number + ",".join(kinds).encode())
 

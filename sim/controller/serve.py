@@ -77,7 +77,7 @@ def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
             if not select.select([], [sys.stdout], [], 0.0)[1]:
                 return
             tell(text[:LONGEST_TOLD])
-        except (OSError, ValueError):  # nobody is there any more, or what stands there is no file
+        except (OSError, ValueError, SystemExit):  # nobody is there any more, or what stands there is no file
             return
         told.append(now)
 

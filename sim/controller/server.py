@@ -76,18 +76,21 @@ class Server:
         """Take in what has arrived, one period of the controller, and send what is due."""
         self._exchange(0.0)
         clients = list(self._client_of.values())
-        connections = [client.rtde for client in clients if client.rtde is not None]
-        self._faults.count(sum(connection.commands for connection in connections))
+        self._faults.count(sum(client.rtde.commands for client in clients if client.rtde is not None))
         self.controller.cycle()
         while self.controller.errors:
             self._tell_error(self.controller.errors.popleft())
-        for connection in connections:
-            connection.commands = 0
-            if not self._faults.silent:
-                connection.publish()
         for client in clients:
+            self._guarded(client, self._publish)
             if client.is_stuck:
                 client.close()
+
+    def _publish(self, client: Client) -> None:
+        if client.rtde is None:
+            return
+        client.rtde.commands = 0
+        if not self._faults.silent:
+            client.rtde.publish()
 
     def close(self) -> None:
         """Hang up on everyone, and free the ports."""
@@ -110,16 +113,24 @@ class Server:
         waiting = [sock for sock, client in self._client_of.items() if client.waits]
         readable, writable, _ = select.select([*self._on_connect, *self._client_of], waiting, [], longest)
         for sock in writable:
-            self._client_of[sock].flush()
+            self._guarded(self._client_of[sock], Client.flush)
         self._turn += 1  # who comes last in one round comes earlier in another
         first = self._turn % (len(readable) or 1)
         for sock in [*readable[first:], *readable[:first]]:
             if sock in self._on_connect:
                 self._accept(sock)
             elif sock in self._client_of:  # not hung up on in this round
-                self._client_of[sock].receive()
+                self._guarded(self._client_of[sock], Client.receive)
             if time.monotonic() > end:
                 return
+
+    def _guarded(self, client: Client, act: Callable[[Client], None]) -> None:
+        """Serve a client; whatever it brings about that nobody has thought of ends its connection, and no other."""
+        try:
+            act(client)
+        except Exception as error:  # the border: behind it errors are caught by name
+            self.controller.tell(f"a client was dropped: {error!r}")
+            client.close()
 
     def _accept(self, listener: socket.socket) -> None:
         """Take on a new client, unless there are too many."""
@@ -186,7 +197,7 @@ class Server:
                 client.close()
                 return
             for program in programs:
-                self.controller.run(program)
+                self.controller.run(program, client)
 
         client.take = take
 

@@ -7,6 +7,7 @@ can be left between any two steps and taken up again, and nothing recurses while
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any, Protocol
 
 from sim.controller.urscript import syntax
@@ -26,8 +27,13 @@ from sim.controller.urscript.values import (
     with_element,
 )
 
-MOVED, WAITING = -1, -2
-"""In place of the next step: the thread is in another routine now; it waits for the next period."""
+MOVED, WAITING, LOOK = -1, -2, -3
+"""In place of the next step: the thread is in another routine now; it waits for the next period; what
+it did was costly, so that the clock is looked at before the next step."""
+LONGEST_FORMULA = 20
+"""Nodes of a routine that is computed in place."""
+MOST_VARIABLES = 1000
+"""Of a routine, and of all routines together the global ones."""
 UNSET = object()
 """What a variable holds before it has a value."""
 
@@ -52,6 +58,10 @@ class Machine(Protocol):
 
     def wait(self, waiting: Generator[None, None, Value], back: int, result: int) -> int:
         """Wait until a function is done, then go on likewise."""
+        ...
+
+    def look(self, back: int) -> int:
+        """Look at the clock, then go on at the step `back`."""
         ...
 
     def start(self, code: "Code", slots: Slots) -> Value:
@@ -126,6 +136,8 @@ def compile_program(program: Routine, functions: Mapping[str, Function]) -> Gene
         if name and (level == 1 or (isinstance(statement, syntax.Declaration) and statement.scope == "global")):
             shared.setdefault(name, len(shared))
         yield
+    if len(shared) > MOST_VARIABLES:
+        raise ScriptError(f"a program has {MOST_VARIABLES} global variables at most", None, program.line)
     world = _World(functions, routines, shared, [UNSET] * len(shared))
     codes = world.codes
     codes[program.name] = main = Code(program.name, "main")
@@ -154,7 +166,7 @@ class _World:
         if call.run or call.name in self.routines:
             return call.run or self.formula(call.name) is None
         function = self.functions.get(call.name)
-        return function is not None and function.waits
+        return function is not None and function.is_step
 
     def formula(self, name: str) -> Evaluate | None:
         """What a routine computes of its arguments, where it is one expression that calls no other routine.
@@ -171,16 +183,18 @@ class _World:
     def _is_formula(self, body: syntax.Block) -> bool:
         if len(body) != 1 or not isinstance(body[0], syntax.Return | syntax.Evaluation) or body[0].value is None:
             return False
+        if len(list(islice(_nodes(body[0].value), LONGEST_FORMULA + 1))) > LONGEST_FORMULA:
+            return False
         names = [call.name for call in _calls(body[0].value)]
         known = [self.functions.get(name) for name in names if name not in self.routines]
-        return len(known) == len(names) and all(function and not function.waits for function in known)
+        return len(known) == len(names) and all(function and not function.is_step for function in known)
 
 
-def _calls(expression: Expression) -> Iterator[syntax.Call]:
-    """All calls in an expression."""
+def _nodes(expression: Expression) -> Iterator[Expression]:
+    """An expression and all that is in it."""
+    yield expression
     match expression:
         case syntax.Call():
-            yield expression
             inner = (*expression.arguments, *(value for _, value in expression.named))
         case syntax.Unary():
             inner = (expression.value,)
@@ -195,7 +209,11 @@ def _calls(expression: Expression) -> Iterator[syntax.Call]:
         case _:
             inner = ()
     for part in inner:
-        yield from _calls(part)
+        yield from _nodes(part)
+
+
+def _calls(expression: Expression) -> Iterator[syntax.Call]:
+    return (node for node in _nodes(expression) if isinstance(node, syntax.Call))
 
 
 def _statements(block: syntax.Block, level: int, depth: int = 0) -> Iterator[tuple[int, syntax.Statement]]:
@@ -245,6 +263,8 @@ class _Compiler:
     def run(self) -> Generator[None, None, None]:
         """Write the code."""
         self._code.slots = len(self._locals)
+        if len(self._locals) > MOST_VARIABLES:
+            raise self._error(f"a routine has {MOST_VARIABLES} variables at most")
         yield from self._block(self._routine.body)
         self._emit(lambda slots, machine: machine.leave(None))
 
@@ -549,12 +569,18 @@ class _Compiler:
             for parameter, expression, value in zip(parameters, placed, values, strict=True)
         ]
         compute = function.call
-        if not function.waits:
+        if not function.is_step:
             return lambda slots: compute(*[argument(slots) for argument in arguments])
         at, following = self._new_slot(), self._following
-        self._emit(
-            lambda slots, machine: machine.wait(compute(*[argument(slots) for argument in arguments]), following, at)
-        )
+
+        def wait(slots: Slots, machine: Machine) -> int:
+            return machine.wait(compute(*[argument(slots) for argument in arguments]), following, at)
+
+        def take_long(slots: Slots, machine: Machine) -> int:
+            slots[at] = compute(*[argument(slots) for argument in arguments])
+            return machine.look(following)
+
+        self._emit(wait if function.waits else take_long)
         return lambda slots: slots[at]
 
     def _checked(self, function: Function, parameter: Parameter, expression: Expression, value: Evaluate) -> Evaluate:

@@ -6,8 +6,7 @@
 import time
 from collections.abc import Generator, Mapping
 
-from breastscan.errors import BreastScanError
-from sim.controller.urscript.compiler import MOVED, WAITING, Code, Script, Slots, compile_program
+from sim.controller.urscript.compiler import LOOK, MOVED, UNSET, WAITING, Code, Script, Slots, compile_program
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.syntax import parse
 from sim.controller.urscript.values import ScriptError, Value, shown
@@ -16,12 +15,14 @@ PERIOD_STEPS = 3000
 """Of all threads in a period: about half of it, if nothing in them is costly."""
 SLICE = 0.002
 """Processor time of all threads in a period, after which what is costly waits for the next one as well [s]."""
-BETWEEN_LOOKS = 20
-"""Steps between two looks at that time."""
+BETWEEN_LOOKS = 10
+"""Steps between two looks at that time, if none is costly."""
 DEEPEST_CALL = 100
 """Functions that call each other."""
 MOST_THREADS = 50
 """Of a program in a period, those that end in it included."""
+MOST_SLOTS = 10_000
+"""Variables of all routines that have begun and not ended."""
 
 
 def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
@@ -44,35 +45,42 @@ class Program:
         """The thread whose turn it is."""
         self.alone: Thread | None = None
         """The thread in a critical section: no other one has a turn."""
-        self.halted = False
+        self.suspended = False
+        """Whether nobody has a turn until this is False again."""
+        self._main, self._variables = self.current, script.variables
         self._threads = [self.current]
+        self._slots = script.main.slots
+        """Variables of all routines that have begun."""
 
     @property
     def running(self) -> bool:
         """Whether the main thread has not ended."""
-        return self._threads[0].alive and not self.halted
+        return self._main.alive
 
     def step(self) -> None:
-        """One period: a turn for every thread; those that start in it have theirs as well.
+        """One period: a turn for every thread, while there is time; those that start in it have theirs as well.
 
         Raises:
             ScriptError: What the program does is not possible.
         """
-        left = PERIOD_STEPS
+        end, left = time.thread_time() + SLICE, PERIOD_STEPS
         for k, thread in enumerate(self._threads):
             if not thread.alive or self.alone not in (None, thread):
                 continue
             self.current = thread
-            share = left // (len(self._threads) - k)
-            left -= thread.turn(share, SLICE / len(self._threads))
-            if not self.running:
+            left -= thread.turn(left // (len(self._threads) - k), end)
+            if not self.running or self.suspended:
                 return
+            if time.thread_time() > end:
+                self._threads = self._threads[k + 1 :] + self._threads[: k + 1]  # the others begin the next period
+                break
         self._threads = [thread for thread in self._threads if thread.alive]
 
     def end(self) -> None:
         """Stop all threads."""
         for thread in self._threads:
             thread.end()
+        self._variables[:] = [UNSET] * len(self._variables)  # the script may be kept, what it knew may be large
 
     def start(self, code: Code, slots: Slots) -> "Thread":
         """A new thread.
@@ -82,9 +90,20 @@ class Program:
         """
         if len(self._threads) >= MOST_THREADS:
             raise ScriptError(f"a program has {MOST_THREADS} threads at most")
+        self.grow(len(slots))
         thread = Thread(self, code, slots)
         self._threads.append(thread)
         return thread
+
+    def grow(self, slots: int) -> None:
+        """Count variables that come, or go.
+
+        Raises:
+            ScriptError: There are too many.
+        """
+        self._slots += slots
+        if self._slots > MOST_SLOTS:
+            raise ScriptError(f"a program has {MOST_SLOTS} variables at once at most")
 
 
 class Thread:
@@ -105,28 +124,32 @@ class Thread:
     def __str__(self) -> str:
         return f"thread {self._code.name}"
 
-    def turn(self, steps: int, seconds: float) -> int:
-        """Go on to the next wait; so many steps at most, and about so long [s]. How many were taken.
+    def turn(self, steps: int, end: float) -> int:
+        """Go on to the next wait; so many steps at most, and until `end` of the processor's time [s]. How many it took.
 
         Raises:
             ScriptError: What the thread does is not possible; with its line.
         """
-        end = time.thread_time() + seconds
         taken = 0
         try:
-            while taken < steps and self._waited() and time.thread_time() < end:
+            while taken < steps and self._waited():
                 taken += self._go(min(BETWEEN_LOOKS, steps - taken))
+                if time.thread_time() > end:
+                    break
         except ScriptError as error:
             error.line = error.line or self._line
             raise
-        except (ArithmeticError, LookupError, TypeError, ValueError, RecursionError, BreastScanError) as error:
-            raise ScriptError(str(error), error, self._line) from error
+        except Exception as error:  # the border: whatever a program brings about ends it, and no more
+            raise ScriptError(str(error) or repr(error), error, self._line) from error
         return taken
 
     def end(self) -> None:
         """Stop it where it is."""
+        if not self.alive:
+            return
         self.alive = False
         self.critical(False)
+        self._program.grow(-len(self._slots) - sum(len(slots) for _, slots, _, _ in self._callers))
         if self._waiting is not None:
             self._waiting.close()
             self._waiting = None
@@ -137,6 +160,7 @@ class Thread:
         """Go into a routine; its value goes to the slot `result` of this one, which goes on at the step `back`."""
         if len(self._callers) >= DEEPEST_CALL:
             raise ScriptError(f"functions call each other more than {DEEPEST_CALL} deep")
+        self._program.grow(len(slots))
         self._callers.append((self._code, self._slots, back, result))
         self._code, self._slots, self._at = code, slots, 0
         return MOVED
@@ -146,6 +170,7 @@ class Thread:
         if not self._callers:
             self.end()
             return WAITING
+        self._program.grow(-len(self._slots))
         self._code, self._slots, self._at, result = self._callers.pop()
         self._slots[result] = value
         return MOVED
@@ -154,6 +179,11 @@ class Thread:
         """Wait until a function is done, then go on at the step `back`, likewise."""
         self._waiting, self._back, self._result = waiting, back, result
         return WAITING
+
+    def look(self, back: int) -> int:
+        """Look at the clock, then go on at the step `back`."""
+        self._at = back
+        return LOOK
 
     def start(self, code: Code, slots: Slots) -> "Thread":
         """A new thread of the program."""
@@ -183,8 +213,7 @@ class Thread:
 
     def halt(self) -> int:
         """End the program."""
-        self._program.halted = True
-        self.end()
+        self._program.end()
         return WAITING
 
     # ---- going on ----
@@ -215,6 +244,7 @@ class Thread:
                 elif following == MOVED:
                     steps, slots, at = self._code.steps, self._slots, self._at
                 else:
+                    at = self._at if following == LOOK else at
                     return taken
             return most
         finally:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from inspect import isgeneratorfunction
 from typing import Any
 
 import numpy as np
@@ -50,22 +49,27 @@ class Function:
 
     name: str
     call: Callable[..., Any]
-    """A generator where it takes time: it waits for the next period at each `yield`."""
     parameters: tuple[Parameter, ...]
+    waits: bool = False
+    """Whether it takes simulated time: `call` makes a generator then, which waits for the next period at each `yield`."""
+    costly: bool = False
+    """Whether it takes more than some microseconds of the processor: the clock is looked at after it."""
 
     @property
-    def waits(self) -> bool:
-        """Whether it takes time."""
-        return isgeneratorfunction(self.call)
+    def is_step(self) -> bool:
+        """Whether a call of it is a step of its own."""
+        return self.waits or self.costly
 
     def refusal(self, parameter: Parameter, value: Value) -> ScriptError:
         """What is said of an argument that a parameter does not take."""
         return ScriptError(f"{self.name}: {parameter.name} is {parameter.kind.name}, got {shown(value)}", value)
 
 
-def row(name: str, call: Callable[..., Any], *parameters: Parameter) -> Function:
+def row(
+    name: str, call: Callable[..., Any], *parameters: Parameter, waits: bool = False, costly: bool = False
+) -> Function:
     """A function of the controller, as a row of a table."""
-    return Function(name, call, parameters)
+    return Function(name, call, parameters, waits, costly)
 
 
 def table(rows: Iterable[Function]) -> dict[str, Function]:
@@ -74,11 +78,11 @@ def table(rows: Iterable[Function]) -> dict[str, Function]:
 
 
 def _number(value: Value) -> Any:
-    return value if is_number(value) and math.isfinite(value) else REFUSED
+    return float(value) if is_number(value) and math.isfinite(value) else REFUSED
 
 
 def _positive(value: Value) -> Any:
-    return value if _number(value) is not REFUSED and value > 0 else REFUSED
+    return float(value) if _number(value) is not REFUSED and value > 0 else REFUSED
 
 
 def _condition(value: Value) -> Any:

@@ -16,8 +16,8 @@ from sim.controller.urscript.values import LARGEST_INTEGER, LONGEST_STRING, Scri
 
 DEEPEST = 60
 """Brackets in brackets, operators on operators, and blocks in blocks."""
-LONGEST_STATEMENT = 5000
-"""Words up to the end of a line."""
+LONGEST_STATEMENT = 2500
+"""Words up to the end of a line: nothing waits within a statement."""
 POSE_LENGTH = 6
 CONTINUED = frozenset({"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"})
 """Words behind which a line goes on."""

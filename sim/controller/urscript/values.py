@@ -19,8 +19,10 @@ LARGEST_INTEGER = 2**31 - 1
 """Integers have 32 bits."""
 LONGEST_LIST, DEEPEST_LIST = 1000, 4
 """Elements of a list, those of lists in it included, and how deep they nest."""
-LONGEST_STRING = 4096
+LONGEST_STRING = 1024
 """Characters."""
+CHARACTERS = 8
+"""Of a string count as one element of the list that it stands in."""
 SHOWN = 40
 """Characters of a value that a message shows."""
 
@@ -102,9 +104,11 @@ def make_list(values: Iterable[Value]) -> tuple[Value, ...]:
         ScriptError: It is too long, or nests too deep.
     """
     made = tuple(values)
-    for count, _ in enumerate(_leaves(made, DEEPEST_LIST)):
-        if count > LONGEST_LIST:  # the list itself counts as well
-            raise ScriptError(f"a list has {LONGEST_LIST} elements at most", count)
+    size = -1  # the list itself is among them
+    for leaf in _leaves(made, DEEPEST_LIST):
+        size += 1 + len(leaf) // CHARACTERS if isinstance(leaf, str) else 1
+        if size > LONGEST_LIST:
+            raise ScriptError(f"a list has {LONGEST_LIST} elements at most", size)
     return made
 
 

@@ -1,8 +1,11 @@
 """URScript as client libraries upload it: what programs compute, when they wait, and what they are told."""
 
+import time
+
 import pytest
 
-from sim.controller.urscript.program import DEEPEST_CALL, MOST_THREADS, Program, load
+from sim.controller.urscript.compiler import MOST_VARIABLES
+from sim.controller.urscript.program import DEEPEST_CALL, MOST_SLOTS, MOST_THREADS, SLICE, Program, load
 from sim.controller.urscript.signature import (
     ANYTHING,
     JOINTS,
@@ -35,8 +38,8 @@ class Machine:
         self.functions = table(
             [
                 row("say", self.said.append, value),
-                row("sync", sync),
-                row("later", later, value),
+                row("sync", sync, waits=True),
+                row("later", later, value, waits=True),
                 row("add", lambda a, b: a + b, Parameter("a", NUMBER), Parameter("b", NUMBER, 5)),
                 row("port", lambda i: i, Parameter("i", whole(0, 47))),
                 row("joints", lambda q: q.tolist(), Parameter("q", JOINTS)),
@@ -286,6 +289,11 @@ def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
         ("def main():\n x = [" + "0, " * 5000 + "0]\nend", 2, "words at most"),
         ("def main():\n x = True" + " or True" * 5000 + "\nend", 2, "words at most"),
         ("def main():\n" + "if True:\n" * 5000 + "end\n" * 5001, DEEPEST + 3, f"deeper than {DEEPEST}"),
+        (
+            "def main():\n" + "".join(f"a{k} = 1\n" for k in range(MOST_VARIABLES + 1)) + "end",
+            1,
+            f"{MOST_VARIABLES} global variables",
+        ),
         ('def main():\n x = "' + "a" * (LONGEST_STRING + 1) + '"\nend', 2, "characters at most"),
     ],
     ids=lambda value: str(value)[:30],
@@ -320,6 +328,11 @@ def test_what_is_no_program_is_refused_with_line_and_reason(source, line, why):
         ("def f(x):\nreturn f(x + 1)\nend\nf(1)", f"{DEEPEST_CALL} deep"),
         (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MOST_THREADS}:\nx = run t()\ni = i + 1\nend",
          f"{MOST_THREADS} threads"),
+        ('x = "' + "a" * 1000 + '"\ny = [' + "x, " * 20 + "x]", f"{LONGEST_LIST} elements"),
+        (
+            "def f(x):\n" + "".join(f"local a{k} = 1\n" for k in range(200)) + "f(x)\nend\nf(1)",
+            f"{MOST_SLOTS} variables",
+        ),
         ("joints([1, 2, 3, 4, 5, 1e308 * 10])", "six numbers"),
         ("add(1e308 * 10)", "a is a number"),
         ("add(later(0))\nport(1 / 2)", "integer from 0"),
@@ -348,15 +361,50 @@ def test_calls_that_double_at_every_level_take_many_periods_and_none_of_them_lon
     assert Machine().run(f"{functions}def f40():\nend\nf0()", periods=50) == 50
 
 
+def test_a_costly_function_ends_a_turn_whose_time_is_up():
+    machine = Machine()
+
+    def long(x):
+        until = time.thread_time() + 2 * SLICE
+        while time.thread_time() < until:
+            pass
+        return x
+
+    machine.functions["long"] = row("long", long, Parameter("x", NUMBER), costly=True)
+    machine.run("i = 0\nwhile i < 3:\ni = i + long(0) + long(1)\nsay(i)\nend")
+    assert machine.said == [1, 2, 3]
+    assert machine.run("x = [long(1), long(2), long(3)]\nsay(x)") == 4
+
+
+def test_threads_that_had_no_turn_begin_the_next_period():
+    machine = Machine()
+
+    def long():
+        until = time.thread_time() + 2 * SLICE
+        while time.thread_time() < until:
+            pass
+
+    machine.functions["long"] = row("long", long, costly=True)
+    machine.run(
+        "thread a():\nwhile True:\nlong()\nsay(1)\nend\nend\nthread b():\nwhile True:\nlong()\nsay(2)\n"
+        "end\nend\nx = run a()\ny = run b()\nwhile True:\nlong()\nsay(0)\nend",
+        periods=9,
+    )
+    assert set(machine.said[-3:]) == {0, 1, 2}
+
+
 def test_a_program_that_runs_again_has_forgotten_what_it_knew():
     machine = Machine()
     loading = load("def main():\nif later(False):\na = 1\nend\nsay(a)\nend", machine.functions)
     with pytest.raises(StopIteration) as done:
         while True:
             next(loading)
-    script = done.value.value
-    script.variables[0] = 5
-    program = Program(script)
+    for _ in range(2):
+        program = Program(done.value.value)
+        done.value.value.variables[0] = 5
+        program.step()
+        program.end()
+    program = Program(done.value.value)
     program.step()
     with pytest.raises(ScriptError, match="before it has a value"):
         program.step()

@@ -1,0 +1,111 @@
+"""The controller without its sockets: what it does to the arm, whatever a program wants."""
+
+import numpy as np
+import pytest
+
+from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT
+from sim.controller.config import ControllerConfig
+from sim.controller.controller import FASTEST, Controller
+from sim.controller.functions import script_functions
+from sim.controller.states import Runtime, Safety
+from sim.robot import SimRobot
+from sim.scene import Scene
+from sim.servo import PERIOD
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene()
+
+
+@pytest.fixture
+def controller(scene):
+    controller = Controller(SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None)
+    controller.functions = script_functions(controller)
+    return controller
+
+
+def run(controller, body, seconds):
+    """Run a program for so long; the highest speed of a joint that was commanded [rad/s]."""
+    controller.run(f"def main():\n{body}\nend")
+    fastest = 0.0
+    for _ in range(round(seconds / PERIOD)):
+        controller.cycle()
+        fastest = max(fastest, float(np.abs(controller.robot.course[1]).max()))
+    assert not controller.program_error
+    return fastest
+
+
+PUMP = """
+q0 = get_target_joint_positions()
+c = q0[5] - 0.3
+t = q0
+t[5] = c
+while True:
+  q = get_target_joint_positions()
+  qd = get_target_joint_speeds()
+  if (q[5] - c + 0.034 * qd[5]) * qd[5] < 0:
+    servoj(t, 0, 0, 0.002, 0.03, 2000)
+  else:
+    servoj(t, 0, 0, 0.002, 0.03, 100)
+  end
+end
+"""
+"""Swings the servo up by its gain, while its target stands still."""
+
+
+def test_a_servo_that_is_pumped_up_is_stopped_before_it_is_much_too_fast(controller):
+    assert SPEED_LIMIT < run(controller, PUMP, 5.0) < 1.2 * FASTEST
+    assert controller.safety is Safety.PROTECTIVE_STOP
+    assert np.abs(controller.robot.course[1]).max() == 0
+
+
+def test_nothing_moves_the_arm_during_a_protective_stop(controller):
+    body = "thread t():\nwhile True:\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 0.002)\nend\nend\nx = run t()\nsleep(0.1)\n"
+    run(controller, body + "protective_stop()\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 1)", 0.3)
+    assert controller.safety is Safety.PROTECTIVE_STOP
+    assert controller.runtime is Runtime.PAUSED
+    before = controller.robot.course[0].copy()
+    run(controller, "say_nothing = 1", 1.0)
+    assert np.abs(controller.robot.course[0] - before).max() < 1e-12
+
+
+def test_a_joint_is_stopped_at_the_end_of_its_range_and_may_come_back(controller):
+    run(controller, "speedj([0, 0, 0, 0, 0, 2], 10, 10)", 6.0)
+    assert controller.safety is Safety.PROTECTIVE_STOP
+    assert np.abs(controller.robot.course[0]).max() < ANGLE_LIMIT + 0.1
+    for _ in range(round(5.0 / PERIOD)):
+        controller.cycle()
+    assert controller.unlock()
+    run(controller, "speedj([0, 0, 0, 0, 0, -1], 10, 10)", 2.0)
+    assert controller.safety is Safety.NORMAL
+    assert np.abs(controller.robot.course[0]).max() < ANGLE_LIMIT
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        "speedj([9, 0, 0, 0, 0, 0], 1e5, 1)",
+        "movej([0, -1.5, 1.5, -1.5, -1.5, 0], a=1e300, v=1e300)",
+        "movej([0, -1.5, 1.5, -1.5, -1.5, 0], a=1e-300, v=1e-300)",
+        "speedl([9, 0, 0, 0, 0, 0], 1e300, 1)",
+        "speedl([0, 0, 0, 1e6, 1e6, 1e6], 1e300, 1)",
+        "x = get_actual_tcp_pose()\nx[0] = -x[0]\nx[1] = -x[1]\nmovel(x, 10, 2)",  # through the axis of the base
+        "set_tcp(p[1e6, 1e6, 1e6, 1, 2, 3])\nspeedl([1, 0, 0, 1, 0, 0], 10, 1)",
+        "stopj(1e300)",
+        "stopj(-1)",
+    ],
+)
+def test_no_motion_is_faster_than_the_joints_are(controller, motion):
+    assert run(controller, motion, 1.5) <= 1.05 * SPEED_LIMIT + 1e-9
+    assert controller.safety in (Safety.NORMAL, Safety.PROTECTIVE_STOP)
+    assert np.isfinite(controller.state.q).all()
+
+
+def test_a_simulation_that_has_failed_leaves_the_controller_there_and_told(controller):
+    controller.robot._data.qvel[:] = np.nan
+    for _ in range(10):
+        controller.cycle()
+    assert controller.safety is Safety.FAULT
+    assert np.isfinite(controller.state.q).all()
+    assert controller.time == pytest.approx(0.02)
