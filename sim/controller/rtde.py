@@ -72,6 +72,10 @@ class Connection:
         self._per_cycle, self._due = 1.0, 0.0
         self.commands = 0
         """Data packages that came in since the last period."""
+        self.answered = True
+        """Whether a data package has come since the last state went out, or the program heeds none from here."""
+        self._held: set[str] = set()
+        """Inputs that are written from here."""
 
     def receive(self, data: bytes) -> None:
         """Take in bytes, and answer every message that is complete."""
@@ -96,6 +100,7 @@ class Connection:
         self._due -= 1.0
         number = b"\x01" if self._version == 2 else b""
         self._reply(DATA, number + self._recipe.pack(self._read()))
+        self.answered = self._held.isdisjoint(self._controller.heeded)
 
     def closed(self) -> None:
         """The client is gone."""
@@ -121,7 +126,7 @@ class Connection:
         self._reply(START, struct.pack(">B", self._started))
 
     def _pause(self, payload: bytes) -> None:
-        self._started = False
+        self._started, self.answered = False, True
         self._reply(PAUSE, b"\x01")
 
     def _agree(self, payload: bytes) -> None:
@@ -152,6 +157,7 @@ class Connection:
         fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
         if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):
             self._registry.take(names, self)
+            self._held.update(names)
             self._inputs.append(Recipe(names, kinds))
             number = len(self._inputs)
         self._reply(INPUT_SETUP, struct.pack(">B", number) + ",".join(kinds).encode())
@@ -169,6 +175,7 @@ class Connection:
                 return
             del values[name]
         self.commands += 1
+        self.answered = True
         self._controller.write(values)
 
     def _reply(self, kind: int, payload: bytes) -> None:

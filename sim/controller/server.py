@@ -1,4 +1,7 @@
-"""The simulated controller on the network, in real time: one thread, one cycle every 2 ms on an absolute schedule."""
+"""The simulated controller on the network: one thread, one cycle every 2 ms on an absolute schedule.
+
+In lockstep a cycle waits as well for the client whose targets the program streams, so that no client is ever late.
+"""
 
 import gc
 import os
@@ -24,6 +27,8 @@ LAST_DASHBOARD = 9
 """Last major version with a dashboard."""
 TOO_LATE = 0.05
 """A cycle that is later than this is not caught up with [s]."""
+PATIENCE = 2.0
+"""Longest that a cycle waits in lockstep for an answer to the last state; then time goes on until one comes [s]."""
 MOST_CLIENTS = 32
 """At each port; who comes beyond is hung up on."""
 PRIORITY = 20
@@ -56,9 +61,10 @@ class Server:
             self._on_connect[listener], self._at[listener] = on_connect, []
         self._client_of: dict[socket.socket, Client] = {}
         self._turn = 0
+        self._patience = PATIENCE
 
     def serve(self, ended: Callable[[], bool]) -> None:
-        """Run in real time until `ended`, then close the ports."""
+        """Run until `ended`, then close the ports."""
         gc.collect()
         gc.freeze()  # what is here stays; the collector need not look at it in the middle of a cycle
         due = time.monotonic() + PERIOD
@@ -97,12 +103,19 @@ class Server:
             listener.close()
 
     def _wait(self, due: float) -> None:
-        """Answer whoever asks until the next cycle is due [s]."""
-        while True:
-            left = due - time.monotonic()
-            if left <= 0:
-                return
+        """Answer whoever asks until the next cycle is due [s], and in lockstep the last state is answered."""
+        until = due + self._patience
+        while (left := (until if self._unanswered else due) - time.monotonic()) > 0:
             self._exchange(left)
+        self._patience = 0.0 if self._unanswered else PATIENCE
+
+    @property
+    def _unanswered(self) -> bool:
+        """Whether the next target is still to come, in lockstep."""
+        controller = self.controller
+        if controller.config.clock != "lockstep" or not controller.streams:
+            return False
+        return not all(client.rtde.answered for client in self._client_of.values() if client.rtde is not None)
 
     def _exchange(self, longest: float) -> None:
         """Wait for sockets so long [s] at most, and serve those that are ready, but no longer than a cycle may wait."""
