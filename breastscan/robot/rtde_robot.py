@@ -27,7 +27,7 @@ from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from breastscan.robot.rtde import FREQUENCY, LOOKAHEAD_TIME
 from breastscan.robot.shared_state import ControllerState, SharedState
-from breastscan.robot.worker import GONE_TIME, TARGET, LinkLimits, WorkerSetup, serve
+from breastscan.robot.worker import TARGET, LinkLimits, WorkerSetup, serve
 
 TRANSPORT = 0.004
 """What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
@@ -35,8 +35,8 @@ told."""
 ANSWER_TIME = 0.2
 """Longest wait for the state after a target, on the controller's clock [s]: a machine that is busy stalls a simulated
 controller as well, and a real one has stopped the arm by its watchdog long before."""
-HUNG_TIME = GONE_TIME + ANSWER_TIME
-"""Wall time without any word of the worker, beyond which it hangs [s]: of a controller's silence it tells sooner."""
+HUNG_TIME = 3.0
+"""Wall time without a word of the worker, beyond which it hangs [s]; of a silent controller it tells far sooner."""
 START_TIME = 0.05
 """Wall time in which the controller's program begins to follow an arm's place, before the arm moves [s]."""
 REQUEST_TIME = 5.0

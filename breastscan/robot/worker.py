@@ -35,7 +35,7 @@ POLL_TIME = 2e-4
 """Between two looks at the library's state, which wakes nobody [s]."""
 REPEAT_PERIODS = 2
 """Periods without a target beyond which the last one is repeated: one that is late by less is still to come."""
-GONE_TIME = 1.0
+GONE_TIME = 0.5
 """Wall time after a package for which no state comes, beyond which the controller counts as gone [s]."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""

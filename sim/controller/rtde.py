@@ -90,8 +90,8 @@ class Connection:
             payload, self._arrived = self._arrived[HEADER.size : size], self._arrived[size:]
             self._answer(kind, payload)
 
-    def publish(self) -> None:
-        """Send a data package, where one is due in this period."""
+    def publish(self, told: bool = True) -> None:
+        """Send a data package, where one is due in this period; untold it is lost on the way."""
         if not self._started or self._recipe is None:
             return
         self._due += self._per_cycle
@@ -99,7 +99,8 @@ class Connection:
             return
         self._due -= 1.0
         number = b"\x01" if self._version == 2 else b""
-        self._reply(DATA, number + self._recipe.pack(self._read()))
+        if told:
+            self._reply(DATA, number + self._recipe.pack(self._read()))
         self.answered = self._held.isdisjoint(self._controller.heeded)
 
     def closed(self) -> None:

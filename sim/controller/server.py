@@ -89,8 +89,7 @@ class Server:
             self._tell_error(self.controller.errors.popleft())
         for connection in connections:
             connection.commands = 0
-            if not self._faults.silent:
-                connection.publish()
+            connection.publish(told=not self._faults.silent)
         for client in clients:
             if client.is_stuck:
                 client.close()

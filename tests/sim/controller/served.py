@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,9 +12,9 @@ ROOT = Path(__file__).parents[3]
 
 
 @contextmanager
-def served(host, *options):
+def served(host, *options, clock="lockstep"):
     """Run `breastscan twin` at a loopback address; yields its process."""
-    command = [sys.executable, "-m", "breastscan", "twin", "--controller.host", host, *options]
+    command = [sys.executable, "-m", "breastscan", "twin", "--controller.host", host, "--clock", clock, *options]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         for line in process.stdout:
@@ -29,6 +30,13 @@ def served(host, *options):
         except subprocess.TimeoutExpired:
             process.kill()
         process.stdout.close()
+
+
+def pass_time(twin, seconds):
+    """Wait so long on the twin's clock [s]."""
+    until = twin.do("status")["time"] + seconds
+    while twin.do("status")["time"] < until:
+        time.sleep(0.005)
 
 
 def client(program, *arguments, timeout=120):
