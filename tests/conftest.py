@@ -25,8 +25,8 @@ install_import_hook([".".join(path.relative_to(ROOT).with_suffix("").parts) for 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-MOST_LATE = 0.004
-"""By which a period may begin late where 500 Hz are held [s]: two periods."""
+MOST_LATE = 0.002
+"""By which a period may begin late where 500 Hz are held [s]: one period."""
 PROCESSES = 3
 """That take part in a scan over the link: the twin, who talks to it, and who decides."""
 PACE = """
@@ -34,7 +34,7 @@ import time
 due, late = time.monotonic(), 0.0
 for _ in range(500):
     due += 0.002
-    while time.monotonic() < due - 0.0015:  # a quarter of the period is work
+    while time.monotonic() < due - 0.0013:  # a third of the period is work
         pass
     time.sleep(max(due - time.monotonic(), 0.0))
     late = max(late, time.monotonic() - due)
