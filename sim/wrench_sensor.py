@@ -90,8 +90,7 @@ class WrenchSensor:
         return self._sense(*self._latest)
 
     def restart(self) -> Float[np.ndarray, "6"]:
-        """Let noise, drift and samples begin as when it was switched on, and measure the last load again; the tare
-        stays."""
+        """Let noise, drift and samples begin as on switching on, and measure the last load again."""
         assert self._latest is not None, "it measures from the first period on"
         self._rng.bit_generator.state = self._first_noise
         self._periods, self._filtered_F = 0, None

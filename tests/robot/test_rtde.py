@@ -133,7 +133,7 @@ def test_an_address_where_nothing_listens_is_told(scene):
 
 
 class Trap:
-    """A robot under which a fault is sprung once the loop is under way; knows when the error came, on the twin's clock."""
+    """A robot under which a fault is sprung on the loop; knows when the error came, on the twin's clock."""
 
     def __init__(self, robot, log, spring, twin):
         self._robot, self._log, self._spring, self._twin = robot, log, spring, twin
