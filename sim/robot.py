@@ -172,9 +172,10 @@ class SimRobot:
         self._sample = replace(self._sample, wrench_P=np.zeros(6))
 
     def restart(self) -> None:
-        """Let noise, drift and breath begin anew: what follows is then the same, however long the arm has stood."""
+        """Let noise, drift and breath begin anew: what follows is the same, whenever that is."""
         self._breath_periods = 0
-        self._sample = replace(self._sample, wrench_P=self._sensor.restart(), sample=self._sensor.samples)
+        wrench_P = self._sensor.restart()
+        self._sample = replace(self._sample, wrench_P=wrench_P, sample=self._sensor.samples)
 
     def drive_torques(self) -> Float[np.ndarray, "6"]:
         """What the drives do to the joints, without what holds the arm's weight [N m]."""

@@ -90,7 +90,7 @@ class WrenchSensor:
         return self._sense(*self._latest)
 
     def restart(self) -> Float[np.ndarray, "6"]:
-        """Let noise, drift and samples begin as on switching on, and measure the last load again."""
+        """Let noise, drift and samples begin as when switched on; measure the last load again."""
         assert self._latest is not None, "it measures from the first period on"
         self._rng.bit_generator.state = self._first_noise
         self._periods, self._filtered_F = 0, None
@@ -100,7 +100,9 @@ class WrenchSensor:
         """Take a wrench that `measure` gave as zero."""
         self._zero_P = self._zero_P + measured_P
 
-    def _sense(self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray) -> np.ndarray:
+    def _sense(
+        self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray
+    ) -> np.ndarray:  # fmt: skip
         """A period of the sensor."""
         reading_F = self._read(load_F, R_WF)
         if self._periods % self._hold == 0:

@@ -66,7 +66,7 @@ class SafetyLimits:
         require_positive(self, "safety")
 
     def with_slack(self, slack: float) -> "SafetyLimits":
-        """With so many times the patience for states that are late, missing or without a new sample."""
+        """With so many times the patience for states that are late, missing or not sampled anew."""
         return replace(
             self,
             silence=slack * self.silence,

@@ -33,12 +33,13 @@ TRANSPORT = 0.004
 """What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
 told."""
 ANSWER_TIME = 0.2
-"""Longest wait for the state after a target, on the controller's clock [s]: a machine that is busy stalls a simulated
-controller as well, and a real one has stopped the arm by its watchdog long before."""
+"""Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
+simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
 HUNG_TIME = 3.0
-"""Wall time without a word of the worker, beyond which it hangs [s]; of a silent controller it tells far sooner."""
+"""Wall time without a word of the worker, beyond which it hangs [s]: longer than a simulated
+controller waits for it. Of a controller that is gone it tells sooner; a real one has long stopped the arm."""
 START_TIME = 0.05
-"""Wall time in which the controller's program begins to follow an arm's place, before the arm moves [s]."""
+"""Wall time in which the controller's program begins to follow a parked arm's place [s]."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
 CONNECT_TIME = 60.0

@@ -4,10 +4,11 @@ It is paced by the controller's clock. A new state is published and its parent w
 as a message, and goes out within the same period. Without one, the latest target is repeated, which keeps the
 watchdog quiet. Whatever goes wrong ends the commands, and the fault is published with the states that still come.
 
-Time is the controller's, as its states tell it, so that a simulated one may stand still for as long as this machine is
-busy elsewhere. A real one's runs on by itself: what it says has passed has passed for the arm. Should its states end,
-nothing tells the time any more, and nothing is sent either, since each package answers a state: the controller's own
-watchdog then brings the arm to rest. `GONE_TIME` only bounds how late that is told.
+Time is the controller's, as its states tell it, so that a simulated one may stand still for as
+long as this machine is busy elsewhere. A real one's runs on by itself: what it says has passed has
+passed for the arm. Should its states end, nothing tells the time any more, and nothing is sent
+either, since each package answers a state: the controller's own watchdog then brings the arm to
+rest. `GONE_TIME` only bounds how late that is told.
 """
 
 import os
@@ -34,18 +35,18 @@ TARGET = struct.Struct("q6d")
 POLL_TIME = 2e-4
 """Between two looks at the library's state, which wakes nobody [s]."""
 REPEAT_PERIODS = 2
-"""Periods without a target beyond which the last one is repeated: one that is late by less is still to come."""
+"""Periods without a target beyond which the last is repeated: one less late is still to come."""
 GONE_TIME = 0.5
-"""Wall time after a package for which no state comes, beyond which the controller counts as gone [s]."""
+"""Wall time without a state after a package, beyond which the controller counts as gone [s]."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""
 PERIOD = 1 / FREQUENCY
 """Of the controller [s]."""
 LATENESS = 0.02
-"""Time for which a moving arm's last target is repeated, on a quiet machine [s]: ten periods, in which a probe at
-25 mm/s goes .5 mm."""
+"""Time for which a moving arm's last target is repeated, on a quiet machine [s]: ten periods, in
+which a probe at 25 mm/s goes .5 mm."""
 STOP_MARGIN = 0.03
-"""By how much later the controller stops by itself [s]: of a tenth of a second, half is left to stop in."""
+"""By how much later the controller stops by itself [s]: of .1 s, half is left to stop in."""
 MOST_SLACK = 10.0
 """Widest that the limits may be: at .2 s the force is no longer controlled."""
 PRIORITY = 20
@@ -57,12 +58,13 @@ class LinkLimits:
     """For how long a driven arm may be without a new target."""
 
     slack: float = 1.0
-    """Factor on all limits of lateness, the supervisor's too, for a machine that is busy elsewhere [-]: for so many
-    times 20 ms the arm may go on unguided, and the force be out of control."""
+    """Factor on all limits of lateness, the supervisor's too, for a machine that is busy [-]: for
+    so many times 20 ms the arm may go on unguided, and the force be out of control."""
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.slack <= MOST_SLACK:
-            raise ConfigError(f"link.slack must lie in 1 .. {MOST_SLACK:g}, got {self.slack}", self.slack)
+            why = f"link.slack must lie in 1 .. {MOST_SLACK:g}, got {self.slack}"
+            raise ConfigError(why, self.slack)
 
     @property
     def lateness(self) -> float:
@@ -128,7 +130,8 @@ class Worker:
         self._owes = True
         """Whether the latest state has no answer yet, for which a simulated controller may wait."""
         self._targeted = self._sent = self._reading.time
-        """When the parent last said something, and the latest package went out, on the controller's clock [s]."""
+        """When the parent last said something, and the latest package went out, on the controller's
+        clock [s]."""
         self._answered = 0
         """Number of the latest target that was sent."""
         self._seen = time.monotonic()
@@ -173,7 +176,7 @@ class Worker:
         return True
 
     def _follow(self, number: int, *q: float) -> None:
-        """Send a target of the parent's, or have it sent with the next state if this one has its answer."""
+        """Send a target of the parent's, with the next state if this one has its answer."""
         if not self._armed:
             self._armed = self.link.arm_watchdog(1 / self._limits.watchdog)
             if not self._armed:

@@ -220,7 +220,7 @@ class Controller:
         self.robot.set_payload(self.payload)
 
     def zero_wrench(self) -> None:
-        """Take the wrench as it is for zero; in lockstep as it is when noise, drift and breath begin."""
+        """Take the wrench for zero, as it is; in lockstep noise, drift and breath begin there."""
         if self.config.clock == "lockstep":
             self.robot.restart()
         self.robot.zero_wrench()

@@ -73,7 +73,7 @@ class Connection:
         self.commands = 0
         """Data packages that came in since the last period."""
         self.answered = True
-        """Whether a data package has come since the last state went out, or the program heeds none from here."""
+        """Whether a package has come since the last state, or the program heeds none from here."""
         self._held: set[str] = set()
         """Inputs that are written from here."""
 

@@ -1,6 +1,6 @@
-"""The simulated controller on the network: one thread, one cycle every 2 ms on an absolute schedule.
+"""The simulated controller on the network: one thread, one cycle every 2 ms on a fixed schedule.
 
-In lockstep a cycle waits as well for the client whose targets the program streams, so that no client is ever late.
+In lockstep a cycle waits for the client as well whose targets the program streams: nobody is late.
 """
 
 import gc
@@ -28,7 +28,7 @@ LAST_DASHBOARD = 9
 TOO_LATE = 0.05
 """A cycle that is later than this is not caught up with [s]."""
 PATIENCE = 2.0
-"""Longest that a cycle waits in lockstep for an answer to the last state; then time goes on until one comes [s]."""
+"""Longest that a cycle waits in lockstep for an answer [s]; then time goes on until one comes."""
 MOST_CLIENTS = 32
 """At each port; who comes beyond is hung up on."""
 PRIORITY = 20
@@ -102,7 +102,7 @@ class Server:
             listener.close()
 
     def _wait(self, due: float) -> None:
-        """Answer whoever asks until the next cycle is due [s], and in lockstep the last state is answered."""
+        """Answer whoever asks until a cycle is due [s], in lockstep until the client has answered."""
         until = due + self._patience
         while (left := (until if self._unanswered else due) - time.monotonic()) > 0:
             self._exchange(left)
@@ -114,7 +114,8 @@ class Server:
         controller = self.controller
         if controller.config.clock != "lockstep" or not controller.streams:
             return False
-        return not all(client.rtde.answered for client in self._client_of.values() if client.rtde is not None)
+        connections = [client.rtde for client in self._client_of.values()]
+        return not all(connection is None or connection.answered for connection in connections)
 
     def _exchange(self, longest: float) -> None:
         """Wait for sockets so long [s] at most, and serve those that are ready, but no longer than a cycle may wait."""

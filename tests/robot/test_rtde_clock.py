@@ -1,4 +1,4 @@
-"""What the twin's clock is to its client: one that waits gives the same run again, one that runs on is met in time."""
+"""What the twin's clock is to its client: one that waits gives a run again, one that runs on is met."""
 
 import os
 import time
@@ -36,7 +36,8 @@ def scene():
 
 
 def connect(scene):
-    return RtdeRobot(RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle)))
+    tool = payload(scene.config.mount_angle)
+    return RtdeRobot(RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=tool))
 
 
 def test_two_scans_in_lockstep_are_equal_to_the_last_bit_from_the_tare_on(scene):
@@ -56,7 +57,10 @@ def test_two_scans_in_lockstep_are_equal_to_the_last_bit_from_the_tare_on(scene)
     np.testing.assert_array_equal(first, second)
 
 
-@pytest.mark.parametrize("clock", ["lockstep", pytest.param("real-time", marks=pytest.mark.realtime)])
+CLOCKS = ["lockstep", pytest.param("real-time", marks=pytest.mark.realtime)]
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
 def test_a_controller_that_is_killed_is_told_and_a_new_one_is_taken_over(scene, clock):
     with served(HOST, clock=clock) as process:
         robot = connect(scene)
@@ -84,7 +88,7 @@ def in_real_time(scene):
 
 @pytest.mark.realtime
 class TestRtdeRobotInRealTime(RobotContract):
-    # a controller's clock goes on while a busy computer misses a period, and the motion is slower by as much
+    # a clock goes on while a busy computer misses a period, and the motion is slower by as much
     CLOCK_SLACK = 0.1
     LAG_SLACK = 0.004
 

@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[3]
 @contextmanager
 def served(host, *options, clock="lockstep"):
     """Run `breastscan twin` at a loopback address; yields its process."""
-    command = [sys.executable, "-m", "breastscan", "twin", "--controller.host", host, "--clock", clock, *options]
+    options = ("--controller.host", host, "--clock", clock, *options)
+    command = [sys.executable, "-m", "breastscan", "twin", *options]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         for line in process.stdout:
