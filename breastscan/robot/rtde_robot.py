@@ -37,7 +37,8 @@ ANSWER_TIME = 0.2
 simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
 HUNG_TIME = 3.0
 """Wall time without a word of the worker, beyond which it hangs [s]: longer than a simulated
-controller waits for it. Of a controller that is gone it tells sooner; a real one has long stopped the arm."""
+controller waits for it. Of a controller that is gone it tells sooner, and a real one has long
+stopped the arm."""
 START_TIME = 0.05
 """Wall time in which the controller's program begins to follow a parked arm's place [s]."""
 REQUEST_TIME = 5.0

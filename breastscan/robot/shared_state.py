@@ -47,8 +47,8 @@ class ControllerState:
     fault: Fault
     """Why commands are no longer taken."""
     seen: float
-    """Monotonic clock when the controller was last there [s]: told a state, or may wait for the answer
-    to it."""
+    """Monotonic clock when the controller was last there [s]: told a state, or may wait for the
+    answer to it."""
 
 
 class SharedState:

@@ -102,7 +102,7 @@ class Server:
             listener.close()
 
     def _wait(self, due: float) -> None:
-        """Answer whoever asks until a cycle is due [s], in lockstep until the client has answered."""
+        """Answer whoever asks until a cycle is due [s], in lockstep until its client answers."""
         until = due + self._patience
         while (left := (until if self._unanswered else due) - time.monotonic()) > 0:
             self._exchange(left)

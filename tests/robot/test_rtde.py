@@ -30,8 +30,8 @@ from tests.sim.controller.served import pass_time, served
 from tests.twin_path import arc_motion
 
 HOST = f"127.31.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
-"""Loopback address of this process's own: a controller's ports are fixed, and tests may run twice at
-a time."""
+"""Loopback address of this process's own: a controller's ports are fixed, and tests may run twice
+at a time."""
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
 LIMITS = SafetyLimits()
 HIGHEST_FORCE = 15.0
@@ -134,7 +134,7 @@ def test_an_address_where_nothing_listens_is_told(scene):
 
 
 class Trap:
-    """A robot under which a fault is sprung on the loop; knows the twin's time when its error came."""
+    """A robot under which a fault is sprung on the loop; knows the twin's time when it is told."""
 
     def __init__(self, robot, log, spring, twin):
         self._robot, self._log, self._spring, self._twin = robot, log, spring, twin

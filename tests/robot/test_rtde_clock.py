@@ -1,4 +1,4 @@
-"""What the twin's clock is to its client: one that waits gives a run again, one that runs on is met."""
+"""The twin's clock and its client: one that waits gives a run again, one that runs on is met."""
 
 import os
 import time
