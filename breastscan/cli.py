@@ -89,7 +89,7 @@ def _scan() -> Callable:
             calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of ur_calibration.
             dry_run: Whether a robot travels the path in the air, without contact.
             yes: Whether a robot may touch without a question.
-            link: How long robot and program may say nothing to each other.
+            link: How late robot and program may be for each other.
             plan: Every setting of the pipeline.
             scene: Every setting of the simulated world; a robot's mount and cell as well.
         """

@@ -6,7 +6,7 @@ Whatever can be refused is refused before anything moves. In contact, the user h
 import sys
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,7 @@ def run(
         SafetyError: Nobody agreed to the contact.
         RobotError: The robot is not there, not ready, or stopped.
     """
+    config = replace(config, safety=config.safety.with_slack(setup.robot.limits.slack))
     _require_hand_eye(setup.rig)
     if not (setup.dry_run or setup.consent or sys.stdin.isatty()):
         raise SafetyError("nobody is there to agree to the contact: run in a terminal, or give --yes", None)

@@ -45,7 +45,7 @@ class CellScan:
     consent: bool = False
     """Whether the user has agreed to the contact beforehand."""
     link: LinkLimits = field(default_factory=LinkLimits)
-    """How long robot and program may say nothing to each other."""
+    """How late robot and program may be for each other."""
 
 
 def run(

@@ -74,6 +74,8 @@ class SimRobot:
         self._servo_lag = scene.config.servo.nominal_lag
         self._calibration = scene.calibration
         self._diverged: RobotError | None = None
+        self._breath_periods = 0
+        """Since the breath began."""
         self._data.qpos[self._joints] = q
         self._advance()
 
@@ -169,6 +171,12 @@ class SimRobot:
         self._sensor.tare(self._sample.wrench_P)
         self._sample = replace(self._sample, wrench_P=np.zeros(6))
 
+    def restart(self) -> None:
+        """Let noise, drift and breath begin anew: what follows is the same, whenever that is."""
+        self._breath_periods = 0
+        wrench_P = self._sensor.restart()
+        self._sample = replace(self._sample, wrench_P=wrench_P, sample=self._sensor.samples)
+
     def drive_torques(self) -> Float[np.ndarray, "6"]:
         """What the drives do to the joints, without what holds the arm's weight [N m]."""
         return self._data.qfrc_actuator[self._dofs].copy()
@@ -259,6 +267,7 @@ class SimRobot:
         if divergence.has_diverged(data):
             self._diverged = divergence.report(data, q, qd, X_SP)
             raise self._diverged
+        self._breath_periods += 1
         self._after_period()
 
     def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
@@ -273,7 +282,8 @@ class SimRobot:
         R_SB = self._X_SB[:3, :3]
         X_SP = self._X_SB.copy()
         X_SP[:3, :3] = R_SB @ self._R_BP
-        lift = rise(self._breathing, time)
+        breath_time = self._breath_periods * PERIOD
+        lift = rise(self._breathing, breath_time)
         X_SP[:3, 3] += R_SB @ self._p_BP
         X_SP[2, 3] -= lift
         self._data.mocap_pos[0, 2] = self._X_BS[2, 3] + lift
@@ -281,7 +291,7 @@ class SimRobot:
             self._truth.add(time, q, NOTHING, 0.0, X_SP)
             return X_SP
         velocity_S = R_SB @ self._tip_velocity()
-        velocity_S[2] -= rising_speed(self._breathing, time)
+        velocity_S[2] -= rising_speed(self._breathing, breath_time)
         contact = self._contact = self._tissue.press(X_SP, velocity_S)
         force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)

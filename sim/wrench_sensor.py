@@ -49,6 +49,9 @@ class WrenchSensor:
         self._range = np.repeat([errors.force_range, errors.torque_range], 3)
         self._hold = round(1 / (errors.sample_rate * PERIOD))
         self._rng, self._noise = rng, np.empty((0, 6))
+        self._first_noise = rng.bit_generator.state
+        self._latest: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        """Load, orientation and acceleration of the last period."""
         self._to_tip = _shift_to_tip(X_FP)
         self._velocity_W = None
         self._filtered_F = None
@@ -79,21 +82,35 @@ class WrenchSensor:
             velocity_W: Velocity of the tool's centre of mass [m/s].
             acceleration_W: Its acceleration [m/s^2].
         """
-        reading_F = self._read(load_F, R_WF)
         if not self._errors.knows_acceleration:
             before_W = velocity_W if self._velocity_W is None else self._velocity_W
             acceleration_W = (velocity_W - before_W) / PERIOD
             self._velocity_W = velocity_W
+        self._latest = load_F, R_WF, acceleration_W
+        return self._sense(*self._latest)
+
+    def restart(self) -> Float[np.ndarray, "6"]:
+        """Let noise, drift and samples begin as when switched on; measure the last load again."""
+        assert self._latest is not None, "it measures from the first period on"
+        self._rng.bit_generator.state = self._first_noise
+        self._periods, self._filtered_F = 0, None
+        return self._sense(*self._latest)
+
+    def tare(self, measured_P: Float[np.ndarray, "6"]) -> None:
+        """Take a wrench that `measure` gave as zero."""
+        self._zero_P = self._zero_P + measured_P
+
+    def _sense(
+        self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray
+    ) -> np.ndarray:  # fmt: skip
+        """A period of the sensor."""
+        reading_F = self._read(load_F, R_WF)
         if self._periods % self._hold == 0:
             self.samples += 1
             self.reading_F = reading_F
             self._wrench_P = _at_tip(reading_F, R_WF, acceleration_W, self._load, self._to_tip)
         self._periods += 1
         return self._wrench_P - self._zero_P
-
-    def tare(self, measured_P: Float[np.ndarray, "6"]) -> None:
-        """Take a wrench that `measure` gave as zero."""
-        self._zero_P = self._zero_P + measured_P
 
     def _read(self, load_F: np.ndarray, R_WF: np.ndarray) -> np.ndarray:
         """What the converter gives."""

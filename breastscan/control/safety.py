@@ -6,7 +6,7 @@ why.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -64,6 +64,15 @@ class SafetyLimits:
 
     def __post_init__(self) -> None:
         require_positive(self, "safety")
+
+    def with_slack(self, slack: float) -> "SafetyLimits":
+        """With so many times the patience for states that are late, missing or not sampled anew."""
+        return replace(
+            self,
+            silence=slack * self.silence,
+            lateness=slack * self.lateness,
+            frozen_time=slack * self.frozen_time,
+        )
 
 
 @dataclass(frozen=True)

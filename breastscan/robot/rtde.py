@@ -24,8 +24,9 @@ STOP_DECELERATION = 2.0
 READY_STATES = 4
 """States after a call that was waited for, until the program is ready for the next. A command sent sooner waits inside
 the library, in a loop that never sleeps and can keep the library's own receiver from ever seeing the program ready."""
-READY_TIME = 0.03
-"""Longest wait for them [s]: less than a watchdog of 20 Hz allows."""
+READY_TIME = 0.1
+"""Longest wait for them on the wall's clock [s]: a simulated controller may stand still until it
+has an answer. On the controller's own clock, by which its watchdog counts, they are 8 ms."""
 VARIABLES = (
     "timestamp", "actual_q", "actual_qd", "actual_TCP_force", "runtime_state", "safety_status_bits", "robot_mode",
     "target_speed_fraction", "ft_raw_wrench", "robot_status_bits", "output_int_register_2",

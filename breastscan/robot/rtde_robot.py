@@ -33,10 +33,17 @@ TRANSPORT = 0.004
 """What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
 told."""
 ANSWER_TIME = 0.2
-"""Longest wait for the state after a target [s]; the worker tells of a silence sooner, unless it hangs itself."""
+"""Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
+simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
+HUNG_TIME = 3.0
+"""Wall time without a word of the worker, beyond which it hangs [s]: longer than a simulated
+controller waits for it. Of a controller that is gone it tells sooner, and a real one has long
+stopped the arm."""
+START_TIME = 0.05
+"""Wall time in which the controller's program begins to follow a parked arm's place [s]."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
-CONNECT_TIME = 20.0
+CONNECT_TIME = 60.0
 """Longest wait for a new worker: a Python process starts, and the controller is given its program [s]."""
 END_TIME = 2.0
 """Longest wait for a worker to bring the arm to rest and end [s]."""
@@ -138,6 +145,7 @@ class RtdeRobot:
         targets.check_step(q, self._target, self.period)
         self._sound(self._shared.read())
         self._number += 1
+        self._driven = True
         try:
             self._targets.send(TARGET.pack(self._number, *q.tolist()))
         except OSError:
@@ -158,6 +166,7 @@ class RtdeRobot:
         targets.check_angles(q)
         targets.check_motion(speed, acceleration)
         self._recover()
+        self._start()
         self._brake()
         for target in trapezoid(self._target, q, speed, acceleration, self.period):
             self.servo_joint(target)
@@ -172,9 +181,8 @@ class RtdeRobot:
         self._request("zero_sensor")
         self._zero_P = np.zeros(6)
         wrenches = []
-        until = self.state().time + TARE_TIME
-        while not wrenches or self.state().time < until:
-            self._wait_for(self._number, after=self.state().time)
+        for _ in range(round(TARE_TIME / self.period)):
+            self._hold()
             wrenches.append(self.state().wrench_P)
         self._zero_P = np.mean(wrenches, axis=0)
 
@@ -192,7 +200,7 @@ class RtdeRobot:
             RobotError: The robot refused.
         """
         self._request("freedrive", on)
-        self._stand_at(self.state().q)
+        self._park()
 
     def set_digital_output(self, number: int, on: bool) -> None:
         """Switch one of the controller's eight standard outputs.
@@ -239,7 +247,7 @@ class RtdeRobot:
         answers.close()
         self._number = 0
         self._speed_fraction = float(self._greeting())
-        self._stand_at(self.state().q)
+        self._park()
 
     def _greeting(self) -> float:
         """What a worker says once it is ready."""
@@ -255,6 +263,24 @@ class RtdeRobot:
     def _stand_at(self, q: Float[np.ndarray, "6"]) -> None:
         """Go on from rest at `q` [rad]."""
         self._target = self._before = q
+
+    def _park(self) -> None:
+        """Leave the arm alone, where it stands."""
+        self._driven = False
+        self._stand_at(self.state().q)
+
+    def _start(self) -> None:
+        """Have the controller's program follow a parked arm's place, before the arm moves."""
+        if not self._driven:
+            self.servo_joint(self._target)
+            time.sleep(START_TIME)
+
+    def _hold(self) -> None:
+        """One period at rest; a parked arm is left alone."""
+        if self._driven:
+            self.servo_joint(self._target)
+        else:
+            self._wait_for(self._number, after=self.state().time)
 
     def _request(self, name: str, *arguments: object) -> bool:
         """Have the worker do what takes longer than a period.
@@ -305,10 +331,10 @@ class RtdeRobot:
 
     def _wait_for(self, number: int, after: float = -math.inf) -> None:
         """Until a state came after target `number`, and is newer than `after` on the controller's clock [s]."""
-        until = time.monotonic() + ANSWER_TIME
+        began = self._shared.read().time
         while (state := self._sound(self._shared.read())).answers < number or state.time <= after:
-            ready, _, _ = select.select([self._targets], [], [], max(until - time.monotonic(), 0.0))
-            if not ready:
+            ready, _, _ = select.select([self._targets], [], [], HUNG_TIME)
+            if not ready or state.time > began + ANSWER_TIME:
                 raise faults.error(Fault.SILENCE)
             try:
                 woken = self._targets.recv(1)
@@ -321,7 +347,7 @@ class RtdeRobot:
         """The state, if commands are taken after it."""
         if state.fault is not Fault.NONE:
             raise faults.error(state.fault)
-        if time.monotonic() - state.seen > ANSWER_TIME:
+        if time.monotonic() - state.seen > HUNG_TIME:
             raise self._link_error() if not self._process.is_alive() else faults.error(Fault.SILENCE)
         return state
 

@@ -47,7 +47,8 @@ class ControllerState:
     fault: Fault
     """Why commands are no longer taken."""
     seen: float
-    """Monotonic clock when the state came [s]."""
+    """Monotonic clock when the controller was last there [s]: told a state, or may wait for the
+    answer to it."""
 
 
 class SharedState:
@@ -67,6 +68,10 @@ class SharedState:
         for name in LAYOUT.names[1:]:  # type: ignore[index]
             record[name] = getattr(state, name)
         record["version"] += 1
+
+    def note_seen(self, seen: float) -> None:
+        """The controller is there [s], without a new state."""
+        self._record()["seen"] = seen
 
     def read(self) -> ControllerState:
         """A copy of the state, whole."""

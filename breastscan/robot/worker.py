@@ -3,6 +3,12 @@
 It is paced by the controller's clock. A new state is published and its parent woken; the parent's next target arrives
 as a message, and goes out within the same period. Without one, the latest target is repeated, which keeps the
 watchdog quiet. Whatever goes wrong ends the commands, and the fault is published with the states that still come.
+
+Time is the controller's, as its states tell it, so that a simulated one may stand still for as
+long as this machine is busy elsewhere. A real one's runs on by itself: what it says has passed has
+passed for the arm. Should its states end, nothing tells the time any more, and nothing is sent
+either, since each package answers a state: the controller's own watchdog then brings the arm to
+rest. `GONE_TIME` only bounds how late that is told.
 """
 
 import os
@@ -29,34 +35,46 @@ TARGET = struct.Struct("q6d")
 POLL_TIME = 2e-4
 """Between two looks at the library's state, which wakes nobody [s]."""
 REPEAT_PERIODS = 2
-"""Periods without a target from which on the last one is repeated: a target that is late by less is still to come."""
+"""Periods without a target beyond which the last is repeated: one less late is still to come."""
+GONE_TIME = 0.5
+"""Wall time without a state after a package, beyond which the controller counts as gone [s]."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""
 PERIOD = 1 / FREQUENCY
 """Of the controller [s]."""
-LONGEST = 0.2
-"""Longest that a limit may be [s]: the arm is under force control meanwhile."""
+LATENESS = 0.02
+"""Time for which a moving arm's last target is repeated, on a quiet machine [s]: ten periods, in
+which a probe at 25 mm/s goes .5 mm."""
+STOP_MARGIN = 0.03
+"""By how much later the controller stops by itself [s]: of .1 s, half is left to stop in."""
+MOST_SLACK = 10.0
+"""Widest that the limits may be: at .2 s the force is no longer controlled."""
 PRIORITY = 20
 """Real-time priority that is asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkLimits:
-    """How long either end may say nothing while the arm is driven."""
+    """For how long a driven arm may be without a new target."""
 
-    silence: float = 0.02
-    """Age at which the controller's latest state is a fault [s]: ten periods, in which a probe at 25 mm/s goes
-    .5 mm."""
-    lateness: float = 0.02
-    """Time for which a moving arm's last target is repeated [s]."""
-    watchdog: float = 0.05
-    """Time after which the controller stops by itself [s]: of a tenth of a second, half is left to stop in."""
+    slack: float = 1.0
+    """Factor on all limits of lateness, the supervisor's too, for a machine that is busy [-]: for
+    so many times 20 ms the arm may go on unguided, and the force be out of control."""
 
     def __post_init__(self) -> None:
-        for name in ("silence", "lateness", "watchdog"):
-            value = getattr(self, name)
-            if not PERIOD < value <= LONGEST:
-                raise ConfigError(f"link.{name} must lie in {PERIOD} .. {LONGEST} s, got {value} s", value)
+        if not 1.0 <= self.slack <= MOST_SLACK:
+            why = f"link.slack must lie in 1 .. {MOST_SLACK:g}, got {self.slack}"
+            raise ConfigError(why, self.slack)
+
+    @property
+    def lateness(self) -> float:
+        """Time for which a moving arm's last target is repeated [s]."""
+        return self.slack * LATENESS
+
+    @property
+    def watchdog(self) -> float:
+        """Time without any package after which the controller stops by itself [s]."""
+        return self.lateness + STOP_MARGIN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +125,17 @@ class Worker:
         """Whether the watchdog is: from the first target on. A parked arm may be left alone, however busy the computer
         is with pictures."""
         self._moving = False
-        self._idle = 0
-        """States since the latest target."""
         self._fault = Fault.NONE
         self._reading = self.link.read()
-        self._seen = self._sent = time.monotonic()
+        self._owes = True
+        """Whether the latest state has no answer yet, for which a simulated controller may wait."""
+        self._targeted = self._sent = self._reading.time
+        """When the parent last said something, and the latest package went out, on the controller's
+        clock [s]."""
+        self._answered = 0
+        """Number of the latest target that was sent."""
+        self._seen = time.monotonic()
+        """When the controller was last there, on the wall's clock [s]."""
         self._sample = 0
         self._publish()
 
@@ -120,7 +144,9 @@ class Worker:
         while self._listen():
             if self.link.time != self._reading.time:
                 self._take(self.link.read())
-            elif self._streaming and time.monotonic() - self._seen > self._limits.silence:
+            elif self._owes and self._target is not None:
+                self._note_seen()
+            elif self._streaming and self._gone:
                 self._fail(Fault.SILENCE)
             if not self.link.connected:
                 self._fail(Fault.LOST)
@@ -141,27 +167,39 @@ class Worker:
                 self._follow(*TARGET.unpack(message))
             if self._requests in ready:
                 name, *arguments = self._requests.recv()
-                self._requests.send(getattr(self, name)(*arguments))
-                self._sent = time.monotonic()
+                done = getattr(self, name)(*arguments)
+                self._targeted = self._sent = self.link.time
+                self._note_seen()
+                self._requests.send(done)
         except (EOFError, OSError):
             return False
         return True
 
     def _follow(self, number: int, *q: float) -> None:
-        """Send a target of the parent's."""
+        """Send a target of the parent's, with the next state if this one has its answer."""
         if not self._armed:
             self._armed = self.link.arm_watchdog(1 / self._limits.watchdog)
             if not self._armed:
                 self._fail(self._diagnosis(self.link.read()) or Fault.REFUSED)
         target = np.array(q)
         self._moving = self._target is not None and bool(np.abs(target - self._target).max() > MOVING)
-        self._target, self._number, self._idle = target, number, 0
-        self._command()
+        self._target, self._number, self._targeted = target, number, self._reading.time
+        if self._owes:
+            self._command()
+
+    @property
+    def _idle(self) -> int:
+        """Periods of the controller since the latest target."""
+        return round((self._reading.time - self._targeted) / PERIOD)
 
     @property
     def _streaming(self) -> bool:
         """Whether targets are coming; between two motions they are not, and a silence may end unnoticed."""
         return self._target is not None and self._idle * PERIOD <= self._limits.lateness
+
+    @property
+    def _gone(self) -> bool:
+        return time.monotonic() - self._seen > GONE_TIME
 
     def _command(self) -> None:
         """One package to the controller, unless there is a fault; the first refusal is the last command."""
@@ -169,7 +207,8 @@ class Worker:
             return
         taken = self.link.kick() if self._target is None else self.link.servo(self._target)
         if taken:
-            self._sent = time.monotonic()
+            self._sent, self._answered, self._owes = self._reading.time, self._number, False
+            self._note_seen()
         else:
             reading = self.link.read()
             self._fail(self._diagnosis(reading) or Fault.REFUSED)
@@ -177,18 +216,21 @@ class Worker:
     def _take(self, reading: Reading) -> None:
         """A new state has come."""
         self._sample += reading.raw_wrench != self._reading.raw_wrench
-        self._reading, self._seen = reading, time.monotonic()
+        self._reading, self._seen, self._owes = reading, time.monotonic(), True
         self._fail(self._diagnosis(reading))
-        self._idle += 1
         if self._idle * PERIOD > self._limits.lateness and self._moving:
             self._fail(Fault.LATE)
-        if self._idle > REPEAT_PERIODS:
-            self._command()
         self._publish()
+        if self._number > self._answered or self._idle > REPEAT_PERIODS:
+            self._command()
+
+    def _note_seen(self) -> None:
+        self._seen = time.monotonic()
+        self._shared.note_seen(self._seen)
 
     def _diagnosis(self, reading: Reading) -> Fault:
         found = faults.diagnose(reading.safety_bits, reading.runtime_state)
-        if found is Fault.PROGRAM and time.monotonic() - self._sent > self._limits.watchdog:
+        if found is Fault.PROGRAM and reading.time - self._sent > self._limits.watchdog:
             return Fault.WATCHDOG
         return found
 
@@ -207,7 +249,7 @@ class Worker:
                 qd=np.array(reading.qd),
                 force_B=np.array(reading.force_B),
                 sample=self._sample,
-                answers=self._number,
+                answers=self._answered,
                 fault=self._fault,
                 seen=self._seen,
             )
@@ -217,8 +259,7 @@ class Worker:
 
     def clear(self) -> bool:
         """Take commands again after a fault that passed; False where it did not."""
-        stale = time.monotonic() - self._seen > self._limits.silence
-        if self._fault in PASSING and not stale:
+        if self._fault in PASSING and not self._gone:
             self._fault, self._moving = Fault.NONE, False
             self._publish()
         return self._fault is Fault.NONE

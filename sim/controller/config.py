@@ -2,12 +2,16 @@
 
 import ipaddress
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 from breastscan.errors import ConfigError
 
 Version = Literal["3.15", "5.11", "5.22", "5.25", "10.11"]
 """Of the controller's software. 10 has no dashboard; 3.15 speaks the protocol and was never that of a UR5e."""
+Clock = Literal["real-time", "lockstep"]
+"""What simulated time goes by: the wall clock, and in lockstep the client's answers as well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +27,10 @@ class ControllerConfig:
     """What the dashboard names; a UR5e says UR5."""
     remote_control: bool = True
     """Whether the teach pendant has handed over."""
-
+    clock: Annotated[Clock, tyro.conf.arg(prefix_name=False)] = "real-time"
+    """lockstep: while a program streams targets, a period waits until their client has answered
+    the last state, for 2 s at most, and noise, drift and breath count from the last tare: what
+    follows a tare is then the same on a busy machine, and in every run."""
     real_time: bool = True
     """Whether to ask the system for real-time priority."""
 

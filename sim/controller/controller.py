@@ -12,7 +12,7 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
-from sim.controller.motion import Braking, ImpossibleMotion, Motion
+from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
 from sim.controller.states import RobotMode, Runtime, Safety
 from sim.controller.urscript.compiler import Script
 from sim.controller.urscript.program import Program, Thread, load
@@ -86,6 +86,8 @@ class Controller:
         self.robot, self.config, self.tell = robot, config, tell
         self.inputs: dict[str, float | list[float]] = {name: zero(kind) for name, kind in INPUTS.items()}
         self._written: dict[str, float] = {}
+        self.heeded: set[str] = set()
+        """Inputs that the program has read."""
         self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
         self.runtime, self.mode, self.safety = Runtime.STOPPED, RobotMode.RUNNING, Safety.NORMAL
         self.scaling, self.slider = 1.0, 1.0
@@ -123,6 +125,16 @@ class Controller:
     def operational(self) -> bool:
         """Whether the arm may move."""
         return self.safety is Safety.NORMAL and self.mode is RobotMode.RUNNING
+
+    @property
+    def streams(self) -> bool:
+        """Whether the program follows targets as they come."""
+        return isinstance(self.motion, Servo)
+
+    def read_input(self, name: str) -> float | list[float]:
+        """What a program reads."""
+        self.heeded.add(name)
+        return self.inputs[name]
 
     def write(self, values: dict[str, float | list[float]]) -> None:
         """Take in inputs; the next period sees the newest."""
@@ -229,7 +241,9 @@ class Controller:
         self.robot.set_payload(self.payload)
 
     def zero_wrench(self) -> None:
-        """Take the wrench as it is for zero."""
+        """Take the wrench for zero, as it is; in lockstep noise, drift and breath begin there."""
+        if self.config.clock == "lockstep":
+            self.robot.restart()
         self.robot.zero_wrench()
         self.state = self.robot.state()
 
@@ -288,6 +302,7 @@ class Controller:
         self._end_program("another program")
         if self.operational:
             self.program, self.runtime, self.program_error = Program(script), Runtime.PLAYING, ""
+            self.heeded.clear()
 
     def _end_program(self, why: str) -> None:
         if self.program is not None:

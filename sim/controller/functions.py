@@ -89,8 +89,8 @@ def _registers(controller: Controller) -> Iterable[Function]:
     def write_integer(i: int, value: int) -> None:
         controller.out_ints[i] = value
 
-    yield row("read_input_float_register", lambda i: controller.inputs[doubles[i]], place)
-    yield row("read_input_integer_register", lambda i: controller.inputs[ints[i]], place)
+    yield row("read_input_float_register", lambda i: controller.read_input(doubles[i]), place)
+    yield row("read_input_integer_register", lambda i: controller.read_input(ints[i]), place)
     yield row("write_output_float_register", write_float, place, Parameter("value", NUMBER))
     yield row("write_output_integer_register", write_integer, place, Parameter("value", INTEGER))
     yield row(

@@ -74,6 +74,10 @@ class Connection:
         self._per_cycle, self._due = 1.0, 0.0
         self.commands = 0
         """Data packages that came in since the last period."""
+        self.answered = True
+        """Whether a package has come since the last state, or the program heeds none from here."""
+        self._held: set[str] = set()
+        """Inputs that are written from here."""
 
     def receive(self, data: bytes) -> None:
         """Take in bytes, and answer every message that is complete."""
@@ -88,8 +92,8 @@ class Connection:
             payload, self._arrived = self._arrived[HEADER.size : size], self._arrived[size:]
             self._answer(kind, payload)
 
-    def publish(self) -> None:
-        """Send a data package, where one is due in this period."""
+    def publish(self, told: bool = True) -> None:
+        """Send a data package, where one is due in this period; untold it is lost on the way."""
         if not self._started or self._recipe is None:
             return
         self._due += self._per_cycle
@@ -97,7 +101,9 @@ class Connection:
             return
         self._due -= 1.0
         number = b"\x01" if self._version == 2 else b""
-        self._reply(DATA, number + self._recipe.pack(self._read()))
+        if told:
+            self._reply(DATA, number + self._recipe.pack(self._read()))
+        self.answered = self._held.isdisjoint(self._controller.heeded)
 
     def closed(self) -> None:
         """The client is gone."""
@@ -127,7 +133,7 @@ class Connection:
         self._reply(START, struct.pack(">B", self._started))
 
     def _pause(self, payload: bytes) -> None:
-        self._started = False
+        self._started, self.answered = False, True
         self._reply(PAUSE, b"\x01")
 
     def _agree(self, payload: bytes) -> None:
@@ -158,6 +164,7 @@ class Connection:
         fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
         if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):
             self._registry.take(names, self)
+            self._held.update(names)
             self._inputs.append(Recipe(names, kinds))
             number = len(self._inputs)
         self._reply(INPUT_SETUP, struct.pack(">B", number) + ",".join(kinds).encode())
@@ -175,6 +182,7 @@ class Connection:
                 return
             del values[name]
         self.commands += 1
+        self.answered = True
         self._controller.write(values)
 
     def _reply(self, kind: int, payload: bytes) -> None:

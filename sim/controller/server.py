@@ -1,4 +1,7 @@
-"""The simulated controller on the network, in real time: one thread, one cycle every 2 ms on an absolute schedule."""
+"""The simulated controller on the network: one thread, one cycle every 2 ms on a fixed schedule.
+
+In lockstep a cycle waits for the client as well whose targets the program streams: nobody is late.
+"""
 
 import gc
 import os
@@ -24,6 +27,10 @@ LAST_DASHBOARD = 9
 """Last major version with a dashboard."""
 TOO_LATE = 0.05
 """A cycle that is later than this is not caught up with [s]."""
+PATIENCE = 2.0
+"""Longest that a cycle waits in lockstep for an answer [s]; then time goes on until one comes."""
+LONGEST_WAIT = 0.1
+"""Between two looks at whether the end has come [s]."""
 MOST_CLIENTS = 32
 """At each port; who comes beyond is hung up on."""
 PRIORITY = 20
@@ -56,15 +63,16 @@ class Server:
             self._on_connect[listener], self._at[listener] = on_connect, []
         self._client_of: dict[socket.socket, Client] = {}
         self._turn = 0
+        self._patience = PATIENCE
 
     def serve(self, ended: Callable[[], bool]) -> None:
-        """Run in real time until `ended`, then close the ports."""
+        """Run until `ended`, then close the ports."""
         gc.collect()
         gc.freeze()  # what is here stays; the collector need not look at it in the middle of a cycle
         due = time.monotonic() + PERIOD
         try:
             while not ended():
-                self._wait(due)
+                self._wait(due, ended)
                 self.step()
                 due += PERIOD
                 if time.monotonic() > due + TOO_LATE:
@@ -89,8 +97,7 @@ class Server:
         if client.rtde is None:
             return
         client.rtde.commands = 0
-        if not self._faults.silent:
-            client.rtde.publish()
+        client.rtde.publish(told=not self._faults.silent)
 
     def close(self) -> None:
         """Hang up on everyone, and free the ports."""
@@ -99,13 +106,21 @@ class Server:
         for listener in self._on_connect:
             listener.close()
 
-    def _wait(self, due: float) -> None:
-        """Answer whoever asks until the next cycle is due [s]."""
-        while True:
-            left = due - time.monotonic()
-            if left <= 0:
-                return
-            self._exchange(left)
+    def _wait(self, due: float, ended: Callable[[], bool]) -> None:
+        """Answer whoever asks until a cycle is due [s], in lockstep until its client answers."""
+        until = due + self._patience
+        while (left := (until if self._unanswered else due) - time.monotonic()) > 0 and not ended():
+            self._exchange(min(left, LONGEST_WAIT))
+        self._patience = 0.0 if self._unanswered else PATIENCE
+
+    @property
+    def _unanswered(self) -> bool:
+        """Whether the next target is still to come, in lockstep."""
+        controller = self.controller
+        if controller.config.clock != "lockstep" or not controller.streams:
+            return False
+        connections = [client.rtde for client in self._client_of.values()]
+        return not all(connection is None or connection.answered for connection in connections)
 
     def _exchange(self, longest: float) -> None:
         """Wait for sockets so long [s] at most, and serve those that are ready, but no longer than a cycle may wait."""

@@ -1,13 +1,12 @@
 """The twin on the network, driven by the unmodified client library: the contract, and every way to be stopped.
 
-Times are told on the controller's clock or the monotonic one, never by counting this process's own turns.
+Times are told on the twin's clock, which waits for its client.
 """
 
 import multiprocessing
 import os
 import signal
 import socket
-import threading
 import time
 
 import numpy as np
@@ -21,22 +20,20 @@ from breastscan.errors import RobotError
 from breastscan.execution import MotionLog
 from breastscan.robot.faults import Fault
 from breastscan.robot.rtde_robot import RtdeConfig, RtdeRobot
-from breastscan.robot.worker import LinkLimits
 from sim.controller.faults import TwinControl
 from sim.probe import payload
 from sim.scene import Scene
 from sim.tissue import SoftTissue
 from sim.truth import Truth
 from tests.robot.contract import RobotContract, send
-from tests.sim.controller.served import served
+from tests.sim.controller.served import pass_time, served
 from tests.twin_path import arc_motion
 
-HOST, OTHER_HOST = (f"127.{net}.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}" for net in (31, 32))
-"""Loopback addresses of this process's own: a controller's ports are fixed, and tests may run twice at a time."""
+HOST = f"127.31.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
+"""Loopback address of this process's own: a controller's ports are fixed, and tests may run twice
+at a time."""
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
-BUSY = SafetyLimits(lateness=0.12)
-PATIENT = LinkLimits(silence=0.1, lateness=0.1, watchdog=0.15)
-"""Machines that run tests are busy; what is tested is who notices a stop, and when."""
+LIMITS = SafetyLimits()
 HIGHEST_FORCE = 15.0
 DETECTED, SILENCE_DETECTED = 0.05, 0.2
 """Most that may pass from a fault to its error [s]."""
@@ -65,7 +62,7 @@ def motion(scene):
 
 
 def setup(scene, host=HOST):
-    return RtdeConfig(host=host, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), limits=PATIENT)
+    return RtdeConfig(host=host, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle))
 
 
 @pytest.fixture(scope="module")
@@ -75,18 +72,12 @@ def connected(twin, scene):
     robot.close()
 
 
-@pytest.mark.timing
 class TestRtdeRobot(RobotContract):
-    # a controller's clock goes on while a busy computer misses a period, and the motion is slower by as much
-    CLOCK_SLACK = 0.1
-    LAG_SLACK = 0.004
-
     @pytest.fixture
     def robot(self, connected):
         return connected
 
 
-@pytest.mark.timing
 def test_the_wrench_is_the_twins_own_after_a_tare(connected, twin):
     connected.tare()
     still = [connected.state().q] * 100
@@ -94,22 +85,30 @@ def test_the_wrench_is_the_twins_own_after_a_tare(connected, twin):
     assert np.linalg.norm(force_P) < 0.1
 
 
-@pytest.mark.timing
 def test_one_command_goes_out_a_period(connected, twin):
     still = connected.state().q
     send(connected, [still] * 20)
     twin.do("reset")
     send(connected, [still] * 500)
-    none, one, more = twin.do("status")["cycles"]
-    assert one > 0.9 * (none + one + more)
+    assert twin.do("status")["cycles"] == [0, 500, 0]
 
 
-@pytest.mark.timing
-def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected):
+def test_a_late_parent_is_waited_for(connected, twin):
+    connected.move_joint(RobotContract.Q_START, 0.5, 1.0)
+    moving = connected.state().q + np.outer(np.arange(100) * 2e-4, np.ones(6))
+    send(connected, moving[:50])
+    before = connected.state().time
+    time.sleep(0.3)
+    connected.servo_joint(moving[50])
+    assert connected.state().time - before == pytest.approx(connected.period, abs=1e-9)
+    connected.stop()
+
+
+def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected, twin):
     connected.move_joint(RobotContract.Q_START, 0.5, 1.0)
     moving = connected.state().q + np.outer(np.arange(100) * 2e-4, np.ones(6))
     send(connected, moving)
-    time.sleep(0.3)
+    pass_time(twin, 0.3)
     with pytest.raises(RobotError, match="no new target came in time") as caught:
         connected.servo_joint(moving[-1])
     assert caught.value.value is Fault.LATE
@@ -118,10 +117,9 @@ def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected):
     send(connected, [moving[-1]] * 10)
 
 
-@pytest.mark.timing
 def test_digital_outputs_reach_the_controller(connected, twin):
     connected.set_digital_output(3, True)
-    time.sleep(0.1)
+    pass_time(twin, 0.1)
     assert twin.do("status")["digital_outputs"] >> 3 & 1
 
 
@@ -136,35 +134,35 @@ def test_an_address_where_nothing_listens_is_told(scene):
 
 
 class Trap:
-    """A robot under which a fault is sprung once the loop is under way; knows when the error came."""
+    """A robot under which a fault is sprung on the loop; knows the twin's time when it is told."""
 
-    def __init__(self, robot, log, spring):
-        self._robot, self._log, self._spring = robot, log, spring
+    def __init__(self, robot, log, spring, twin):
+        self._robot, self._log, self._spring, self._twin = robot, log, spring, twin
         self.sprung = self.raised = None
+
+    @property
+    def _now(self):
+        return self._twin.do("status")["time"]
 
     def __getattr__(self, name):
         return getattr(self._robot, name)
 
     def servo_joint(self, q):
         if self.sprung is None and self._log.last_row > ON_THE_LOOP:
-            self.sprung = time.monotonic()
-            self._thread = threading.Thread(target=self._spring)
-            self._thread.start()
+            self.sprung = self._now
+            self._spring()
         try:
             self._robot.servo_joint(q)
         except RobotError:
             if self.raised is None:
-                self.raised = time.monotonic()
+                self.raised = self._now
             raise
 
-    def finish(self):
-        self._thread.join()
 
-
-def pause_worker(robot):
+def pause_worker(twin, robot):
     """Swap the worker out for longer than the controller's watchdog waits."""
     os.kill(robot.worker_id, signal.SIGSTOP)
-    time.sleep(0.17)
+    pass_time(twin, 0.06)
     os.kill(robot.worker_id, signal.SIGCONT)
 
 
@@ -189,35 +187,33 @@ FAULTS = {
     "program not running": (lambda twin, robot: twin.do("script_error"), Fault.PROGRAM, DETECTED),
     "silence": (lambda twin, robot: twin.do("silence", seconds=3.0), Fault.SILENCE, SILENCE_DETECTED),
     "worker died": (lambda twin, robot: os.kill(robot.worker_id, signal.SIGKILL), Fault.DIED, DETECTED),
-    "watchdog": (lambda twin, robot: pause_worker(robot), Fault.WATCHDOG, 0.17 + DETECTED),
+    "watchdog": (pause_worker, Fault.WATCHDOG, 0.06 + DETECTED),
 }
 
 
-@pytest.mark.timing
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_where_it_was(
     name, connected, twin, motion
 ):
     spring, fault, within = FAULTS[name]
     log = MotionLog()
-    trap = Trap(connected, log, lambda: spring(twin, connected))
+    trap = Trap(connected, log, lambda: spring(twin, connected), twin)
     recover(twin, connected)
     connected.move_joint(motion.q_home, 0.6, 0.8)
     twin.do("reset")
     with pytest.raises(RobotError, match=name) as caught:
-        execution.execute(trap, motion, CONFIG, BUSY, log=log)
-    trap.finish()
+        execution.execute(trap, motion, CONFIG, LIMITS, log=log)
     assert caught.value.value is fault or caught.value.value.value is fault
     assert trap.raised - trap.sprung < within
     assert log.rows[-1]["state"].time > log.rows[0]["state"].time
     assert log.last_row > ON_THE_LOOP
-    time.sleep(PASSES_AFTER.get(fault, 0.3))
+    pass_time(twin, PASSES_AFTER.get(fault, 0.3))
     status = twin.do("status")
     assert np.abs(status["qd"]).max() < STOPPED
     assert status["highest_force"] < HIGHEST_FORCE
 
     recover(twin, connected)
-    rest = execution.execute(connected, motion, CONFIG, BUSY, start=log.last_row)
+    rest = execution.execute(connected, motion, CONFIG, LIMITS, start=log.last_row)
     rows = [entry["row"] for entry in rest.rows if entry["phase"] is Phase.LOOP]
     assert abs(rows[0] - log.last_row) < 5
     assert rows[-1] > len(motion.q) - 5
@@ -234,7 +230,6 @@ def hold_on(host, scene_config, started):
             started.set()
 
 
-@pytest.mark.timing
 def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(twin, connected, scene):
     connected.close()
     context = multiprocessing.get_context("spawn")
@@ -242,7 +237,7 @@ def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(tw
     arguments = (HOST, (scene.X_FP, payload(scene.config.mount_angle)), started)
     child = context.Process(target=hold_on, args=arguments)
     child.start()
-    assert started.wait(30)
+    assert started.wait(120)
     workers = [int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == child.pid]
     killed = twin.do("status")["time"]
     for pid in (*workers, child.pid):
@@ -260,19 +255,3 @@ def _parent(pid):
             return int(stat.read().rpartition(")")[2].split()[1])
     except OSError:
         return None
-
-
-@pytest.mark.timing
-def test_a_controller_that_is_killed_is_told_and_a_new_one_is_taken_over(scene):
-    with served(OTHER_HOST) as process:
-        robot = RtdeRobot(setup(scene, OTHER_HOST))
-        still = robot.state().q
-        send(robot, [still] * 100)
-        process.kill()
-        killed = time.monotonic()
-        with pytest.raises(RobotError, match=r"connection to the controller is lost|silence"):
-            while time.monotonic() < killed + 5:
-                robot.servo_joint(still)
-        assert time.monotonic() - killed < SILENCE_DETECTED
-        with pytest.raises(RobotError, match="nothing answers there"):
-            robot.reconnect()

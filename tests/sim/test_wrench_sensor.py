@@ -217,3 +217,11 @@ def test_a_payload_entered_wrong_reads_as_a_force():
 def test_impossible_sensors_are_refused(name, value):
     with pytest.raises(ConfigError, match=name):
         WrenchSensorConfig(**{name: value})
+
+
+@pytest.mark.parametrize("quality", CLASSES)
+def test_a_restarted_sensor_measures_what_one_just_switched_on_does(quality):
+    fresh, used = (sensor(quality=quality) for _ in range(2))
+    expected = held(fresh, count=5000)
+    held(used, count=777)
+    np.testing.assert_array_equal([used.restart(), *held(used, count=4999)], expected)

@@ -51,7 +51,7 @@ class Function:
     call: Callable[..., Any]
     parameters: tuple[Parameter, ...]
     waits: bool = False
-    """Whether it takes simulated time: `call` makes a generator then, which waits for the next period at each `yield`."""
+    """Whether it takes simulated time: `call` makes a generator then, which waits for a period at each `yield`."""
     costly: bool = False
     """Whether it takes more than some microseconds of the processor: the clock is looked at after it."""
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,12 +12,13 @@ ROOT = Path(__file__).parents[3]
 
 
 @contextmanager
-def served(host, *options, module=("breastscan",)):
+def served(host, *options, clock="lockstep", module=("breastscan",)):
     """Run `breastscan twin` at a loopback address; yields its process.
 
     `module` is what is run in place of `breastscan`, with arguments that come first.
     """
-    command = [sys.executable, "-m", *module, "twin", "--controller.host", host, *options]
+    options = ("--controller.host", host, "--clock", clock, *options)
+    command = [sys.executable, "-m", *module, "twin", *options]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         for line in process.stdout:
@@ -32,6 +34,13 @@ def served(host, *options, module=("breastscan",)):
         except subprocess.TimeoutExpired:
             process.kill()
         process.stdout.close()
+
+
+def pass_time(twin, seconds):
+    """Wait so long on the twin's clock [s]."""
+    until = twin.do("status")["time"] + seconds
+    while twin.do("status")["time"] < until:
+        time.sleep(0.005)
 
 
 def client(program, *arguments, timeout=120):

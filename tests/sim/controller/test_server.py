@@ -128,6 +128,12 @@ receive = rtde_receive.RTDEReceiveInterface(host, 500.0)
 twin = TwinControl(host)
 told = {}
 q = np.array(receive.getActualQ())
+
+
+def wait(seconds):
+    until = receive.getTimestamp() + seconds
+    while receive.getTimestamp() < until:
+        time.sleep(0.0002)
 """
 EXACT = (
     CLIENT
@@ -142,29 +148,27 @@ inverse = control.getInverseKinematics(pose, receive.getActualQ())
 told["inverse"] = float(np.abs(np.array(inverse) - receive.getActualQ()).max())
 control.moveJ(q.tolist(), 0.5, 1.0)
 twin.do("reset")
-start = time.monotonic()
 for k in range(1000):
-    period = control.initPeriod()
     target = q.copy()
     target[5] += 0.05 * np.sin(0.004 * k)
     told["servo"] = told.get("servo", 0) + control.servoJ(target.tolist(), 0, 0, 0.002, 0.03, 2000)
-    control.waitPeriod(period)
+    wait(0.001)
 told["cycles"] = twin.do("status")["cycles"]
 told["stopped"] = control.servoStop(10.0)
 told["speed"] = control.speedJ([0, 0, 0, 0, 0, 0.2], 2.0, 0.0)
-time.sleep(0.5)
+wait(0.5)
 told["turning"] = receive.getActualQd()[5]
 told["speed_stop"] = control.speedStop(10.0)
 told["watchdog"] = control.setWatchdog(10.0)
-time.sleep(0.4)
+wait(0.4)
 told["running"] = control.isProgramRunning()
 told["again"] = control.reuploadScript()
-for _ in range(200):
+for _ in range(2000):
     if control.isProgramRunning():
         break
     time.sleep(0.01)
 twin.do("protective_stop")
-time.sleep(0.1)
+wait(0.1)
 told["protective"] = receive.isProtectiveStopped()
 told["refused"] = control.moveJ(q.tolist(), 0.5, 1.0)
 print(json.dumps(told))
