@@ -39,7 +39,7 @@ HUNG_TIME = 3.0
 """Wall time without a word of the worker, beyond which it hangs [s]: longer than a simulated
 controller waits for it. Of a controller that is gone it tells sooner, and a real one has long
 stopped the arm."""
-START_TIME = 0.05
+START_TIME = 0.2
 """Wall time in which the controller's program begins to follow a parked arm's place [s]."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
@@ -121,6 +121,11 @@ class RtdeRobot:
     def speed_fraction(self) -> float:
         """Where the speed slider stood on connecting, 0 to 1."""
         return self._speed_fraction
+
+    @property
+    def fault_time(self) -> float:
+        """When the present fault was seen, or the latest state came, on the controller's clock [s]."""
+        return self._shared.read().failed
 
     @property
     def worker_id(self) -> int | None:

@@ -22,6 +22,7 @@ LAYOUT = np.dtype(
         ("sample", "i8"),
         ("answers", "i8"),
         ("fault", "i8"),
+        ("failed", "f8"),
         ("seen", "f8"),
     ]
 )
@@ -46,6 +47,8 @@ class ControllerState:
     """Number of the latest target that was sent before this state came."""
     fault: Fault
     """Why commands are no longer taken."""
+    failed: float
+    """Controller's clock when that was seen [s]; the latest state's without a fault."""
     seen: float
     """Monotonic clock when the controller was last there [s]: told a state, or may wait for the
     answer to it."""
@@ -83,5 +86,5 @@ class SharedState:
                 break
         return ControllerState(
             float(copy["time"]), copy["q"].copy(), copy["qd"].copy(), copy["force_B"].copy(), int(copy["sample"]),
-            int(copy["answers"]), Fault(int(copy["fault"])), float(copy["seen"]),
+            int(copy["answers"]), Fault(int(copy["fault"])), float(copy["failed"]), float(copy["seen"]),
         )  # fmt: skip

@@ -125,7 +125,7 @@ class Worker:
         """Whether the watchdog is: from the first target on. A parked arm may be left alone, however busy the computer
         is with pictures."""
         self._moving = False
-        self._fault = Fault.NONE
+        self._fault, self._failed = Fault.NONE, 0.0
         self._reading = self.link.read()
         self._owes = True
         """Whether the latest state has no answer yet, for which a simulated controller may wait."""
@@ -237,7 +237,7 @@ class Worker:
     def _fail(self, fault: Fault) -> None:
         """Note a fault; one that does not pass by itself stays the reason."""
         if fault is not Fault.NONE and fault is not self._fault and self._fault in PASSING:
-            self._fault, self._moving = fault, False
+            self._fault, self._failed, self._moving = fault, self._reading.time, False
             self._publish()
 
     def _publish(self) -> None:
@@ -251,6 +251,7 @@ class Worker:
                 sample=self._sample,
                 answers=self._answered,
                 fault=self._fault,
+                failed=self._failed if self._fault is not Fault.NONE else reading.time,
                 seen=self._seen,
             )
         )

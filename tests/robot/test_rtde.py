@@ -26,12 +26,10 @@ from sim.scene import Scene
 from sim.tissue import SoftTissue
 from sim.truth import Truth
 from tests.robot.contract import RobotContract, send
-from tests.sim.controller.served import pass_time, served
+from tests.sim.controller.served import address, pass_time, served
 from tests.twin_path import arc_motion
 
-HOST = f"127.31.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
-"""Loopback address of this process's own: a controller's ports are fixed, and tests may run twice
-at a time."""
+HOST = address(31)
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
 LIMITS = SafetyLimits()
 HIGHEST_FORCE = 15.0
@@ -155,7 +153,7 @@ class Trap:
             self._robot.servo_joint(q)
         except RobotError:
             if self.raised is None:
-                self.raised = self._now
+                self.raised = self._robot.fault_time
             raise
 
 

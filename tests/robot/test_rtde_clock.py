@@ -1,6 +1,5 @@
 """The twin's clock and its client: one that waits gives a run again, one that runs on is met."""
 
-import os
 import time
 
 import numpy as np
@@ -19,11 +18,10 @@ from sim.scene import Scene
 from sim.tissue import SoftTissue
 from sim.truth import Truth
 from tests.robot.contract import RobotContract, send
-from tests.sim.controller.served import served
+from tests.sim.controller.served import address, served
 from tests.twin_path import arc_motion
 
-HOST = f"127.32.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
-"""Loopback address of this process's own."""
+HOST = address(32)
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))
 ERRORS = ("--scene.wrist.quality", "ur5e_builtin", "--scene.breathing.amplitude", "0.003")
 SILENCE_DETECTED = 0.2

@@ -11,7 +11,7 @@ from breastscan.robot.shared_state import ControllerState, SharedState
 
 def state(k):
     six = np.full(6, float(k))
-    return ControllerState(float(k), six, six, six, k, k, Fault(k % len(Fault)), float(k))
+    return ControllerState(float(k), six, six, six, k, k, Fault(k % len(Fault)), float(k), float(k))
 
 
 def test_what_was_written_is_read():

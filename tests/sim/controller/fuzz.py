@@ -22,7 +22,7 @@ from sim.controller.urscript.signature import REQUIRED
 from sim.controller.variables import INPUTS, OUTPUTS
 from sim.robot import SimRobot
 from sim.scene import Scene
-from tests.sim.controller.served import served
+from tests.sim.controller.served import address, served
 
 BATCH = 20
 """Cases between two looks at whether the twin lives."""
@@ -244,7 +244,7 @@ def fuzz(host: str, process, count: int, seed: int) -> dict[str, float]:
 
 def main(count: int = 10_000, seed: int = 0) -> None:
     """Start a twin and fuzz it."""
-    host = "127.0.0.6"
+    host = address(37)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "effects"
         with served(host, module=("tests.sim.controller.watched", str(log))) as process:

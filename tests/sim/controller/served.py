@@ -11,6 +11,12 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 
 
+def address(net):
+    """Loopback address of this process's own, in one of 256 nets: a controller's ports are fixed, and
+    tests may run twice at a time."""
+    return f"127.{net}.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
+
+
 @contextmanager
 def served(host, *options, clock="lockstep", module=("breastscan",)):
     """Run `breastscan twin` at a loopback address; yields its process.

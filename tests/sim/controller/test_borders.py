@@ -20,10 +20,10 @@ from sim.controller.faults import CONTROL_PORT, TwinControl
 from sim.controller.primary import HEAD
 from sim.controller.server import DASHBOARD_PORT, MOST_CLIENTS, RTDE_PORT, SCRIPT_PORTS
 from tests.sim.controller.fuzz import fuzz
-from tests.sim.controller.served import served
+from tests.sim.controller.served import address, served
 from tests.sim.controller.wire import Wire
 
-HOST = "127.0.0.6"
+HOST, OTHER_HOST = address(35), address(36)
 ENDS_WITHIN = 2.0
 """Of SIGTERM [s]."""
 MARK = "mark-of-a-program-that-got-out"
@@ -368,9 +368,12 @@ ALONE = "def main():\nenter_critical\nwhile True:\nx = 1\nend\nend"
     ids=["a loop without sync", "busy threads and a long program", "Ctrl-C in a critical section"],
 )
 def test_the_end_comes_at_once_whatever_runs(programs, number):
-    host = "127.0.0.8"
-    with served(host) as process, socket.create_connection((host, RTDE_PORT)), closing(TwinControl(host)) as twin:
-        with socket.create_connection((host, 30003)) as sock:
+    with (
+        served(OTHER_HOST) as process,
+        socket.create_connection((OTHER_HOST, RTDE_PORT)),
+        closing(TwinControl(OTHER_HOST)) as twin,
+    ):
+        with socket.create_connection((OTHER_HOST, 30003)) as sock:
             sock.sendall("".join(f"{program}\n" for program in programs).encode())
         assert wait_for(lambda: twin.do("status")["runtime"] == 2)
         time.sleep(0.2)

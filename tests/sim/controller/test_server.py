@@ -11,10 +11,10 @@ from breastscan.errors import ConfigError, RobotError
 from sim.controller.config import ControllerConfig
 from sim.controller.faults import TwinControl
 from sim.controller.variables import OUTPUTS, Recipe
-from tests.sim.controller.served import client, served
+from tests.sim.controller.served import address, client, served
 from tests.sim.controller.wire import Wire
 
-HOST = "127.0.0.2"
+HOST, OTHER_HOST = address(33), address(34)
 
 
 @pytest.fixture(scope="module")
@@ -177,8 +177,8 @@ print(json.dumps(told))
 
 
 def test_the_unmodified_client_moves_the_twin_and_is_stopped_as_by_a_controller():
-    with served("127.0.0.3"):
-        told = json.loads(client(EXACT, "127.0.0.3").splitlines()[-1])
+    with served(OTHER_HOST):
+        told = json.loads(client(EXACT, OTHER_HOST).splitlines()[-1])
     done = ("away", "back", "line", "stopped", "speed", "speed_stop", "watchdog", "again", "protective")
     assert [name for name in done if not told[name]] == []
     assert told["moved"] < 1e-3
@@ -232,6 +232,6 @@ print(json.dumps({name: bool(done) for name, done in told.items()}))
 
 @pytest.mark.parametrize("version", ["5.11", "5.22", "5.25", "10.11"])
 def test_every_blocking_command_is_done_on_each_version(version):
-    with served("127.0.0.4", "--controller.version", version):
-        told = json.loads(client(BLOCKING, "127.0.0.4").splitlines()[-1])
+    with served(OTHER_HOST, "--controller.version", version):
+        told = json.loads(client(BLOCKING, OTHER_HOST).splitlines()[-1])
     assert [name for name, done in told.items() if not done] == []
