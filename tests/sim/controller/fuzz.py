@@ -247,7 +247,7 @@ def main(count: int = 10_000, seed: int = 0) -> None:
     host = address(37)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "effects"
-        with served(host, module=("tests.sim.controller.watched", str(log))) as process:
+        with served(host, clock="real-time", module=("tests.sim.controller.watched", str(log))) as process:
             for what, value in fuzz(host, process, count, seed).items():
                 print(f"{what}: {value:.3f}")
             start = time.monotonic()

@@ -72,7 +72,7 @@ def effects(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def process(effects):
-    with served(HOST, module=("tests.sim.controller.watched", str(effects))) as process:
+    with served(HOST, clock="real-time", module=("tests.sim.controller.watched", str(effects))) as process:
         yield process
 
 
@@ -368,11 +368,7 @@ ALONE = "def main():\nenter_critical\nwhile True:\nx = 1\nend\nend"
     ids=["a loop without sync", "busy threads and a long program", "Ctrl-C in a critical section"],
 )
 def test_the_end_comes_at_once_whatever_runs(programs, number):
-    with (
-        served(OTHER_HOST) as process,
-        socket.create_connection((OTHER_HOST, RTDE_PORT)),
-        closing(TwinControl(OTHER_HOST)) as twin,
-    ):
+    with served(OTHER_HOST, clock="real-time") as process, closing(TwinControl(OTHER_HOST)) as twin:
         with socket.create_connection((OTHER_HOST, 30003)) as sock:
             sock.sendall("".join(f"{program}\n" for program in programs).encode())
         assert wait_for(lambda: twin.do("status")["runtime"] == 2)
