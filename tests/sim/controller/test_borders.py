@@ -377,3 +377,19 @@ def test_the_end_comes_at_once_whatever_runs(programs, number):
         process.send_signal(number)
         assert process.wait(20) == 0
         assert time.monotonic() - start < ENDS_WITHIN
+
+
+def test_the_end_comes_at_once_while_a_period_waits_for_its_client():
+    program = "def main():\nwhile True:\nx = read_input_float_register(0)\nservoj(get_target_joint_positions())\nend\nend"
+    with served(OTHER_HOST, clock="lockstep") as process, closing(Wire(OTHER_HOST)) as wire:
+        wire.ask(b"I", b"input_double_register_0")
+        wire.outputs(500, ["timestamp"])
+        wire.ask(b"S")
+        with socket.create_connection((OTHER_HOST, 30003)) as sock:
+            sock.sendall(f"{program}\n".encode())
+        time.sleep(0.5)
+        wire.send(b"U", b"\x01" + struct.pack(">d", 0.0))
+        start = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
+        assert time.monotonic() - start < ENDS_WITHIN / 2
