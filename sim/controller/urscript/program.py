@@ -6,7 +6,8 @@
 import time
 from collections.abc import Generator, Mapping
 
-from sim.controller.urscript.compiler import LOOK, MOVED, UNSET, WAITING, Code, Script, Slots, compile_program
+from sim.controller.urscript.code import LOOK, MOVED, UNSET, WAITING, Code, Script, Slots
+from sim.controller.urscript.compiler import compile_program
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.syntax import parse
 from sim.controller.urscript.values import ScriptError, Value, shown

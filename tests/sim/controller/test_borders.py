@@ -380,7 +380,8 @@ def test_the_end_comes_at_once_whatever_runs(programs, number):
 
 
 def test_the_end_comes_at_once_while_a_period_waits_for_its_client():
-    program = "def main():\nwhile True:\nx = read_input_float_register(0)\nservoj(get_target_joint_positions())\nend\nend"
+    stream = "x = read_input_float_register(0)\nservoj(get_target_joint_positions())"
+    program = f"def main():\nwhile True:\n{stream}\nend\nend"
     with served(OTHER_HOST, clock="lockstep") as process, closing(Wire(OTHER_HOST)) as wire:
         wire.ask(b"I", b"input_double_register_0")
         wire.outputs(500, ["timestamp"])

@@ -1,0 +1,320 @@
+"""Expressions as closures of a routine's variables; what may take long in them goes before, as steps.
+
+A call that may wait, or run long (of a routine of the program, or of a function of the controller), is a step of its
+own, whose result an expression reads from a variable without a name.
+"""
+
+from collections.abc import Mapping
+from itertools import islice
+from typing import Any
+
+from sim.controller.urscript import syntax
+from sim.controller.urscript.code import UNSET, Evaluate, Machine, Slots, Writer
+from sim.controller.urscript.signature import REFUSED, REQUIRED, Function, Parameter
+from sim.controller.urscript.syntax import Expression, Routine
+from sim.controller.urscript.values import (
+    BINARY,
+    UNARY,
+    ScriptError,
+    Value,
+    element,
+    is_number,
+    make_list,
+    make_pose,
+    shown,
+    truth,
+)
+from sim.controller.urscript.world import World, calls, nodes
+
+LONGEST_FORMULA = 20
+"""Nodes of a routine that is computed in place."""
+
+
+class Expressions:
+    """Those of one routine."""
+
+    def __init__(self, world: World, writer: Writer, variables: Mapping[str, int]) -> None:
+        """Begin.
+
+        Args:
+            world: What all routines share.
+            writer: Of the routine's steps.
+            variables: The slots of its own variables, by name.
+        """
+        self._world, self._writer, self._locals = world, writer, variables
+
+    def value(self, expression: Expression) -> Evaluate:
+        """A closure for an expression; steps for the calls in it go before."""
+        match expression:
+            case syntax.Constant():
+                return constant(expression.value)
+            case syntax.Name():
+                return self.variable(expression.name)
+            case syntax.Unary():
+                operate, value = UNARY[expression.operator], self.value(expression.value)
+                return lambda slots: operate(value(slots))
+            case syntax.Binary():
+                return self._binary(expression)
+            case syntax.Logic():
+                return self._logic(expression)
+            case syntax.Array():
+                return self._array(expression)
+            case syntax.Index():
+                value, *places = self.values((expression.value, *expression.places))
+                return lambda slots: element(value(slots), [place(slots) for place in places])
+            case syntax.Call():
+                return self._call(expression)
+
+    def variable(self, name: str) -> Evaluate:
+        """What reads a variable.
+
+        Raises:
+            ScriptError: Nothing in the program ever gives it a value.
+        """
+        at = self._locals.get(name)
+        if at is not None:
+
+            def local(slots: Slots) -> Value:
+                value = slots[at]
+                if value is UNSET:
+                    raise ScriptError(f"{name} is read before it has a value")
+                return value
+
+            return local
+        if name not in self._world.shared:
+            raise self._writer.error(f"{shown(name)} is not defined")
+        variables, place = self._world.variables, self._world.shared[name]
+
+        def shared(slots: Slots) -> Value:
+            value = variables[place]
+            if value is UNSET:
+                raise ScriptError(f"{name} is read before it has a value")
+            return value
+
+        return shared
+
+    def values(self, expressions: tuple[Expression, ...]) -> list[Evaluate]:
+        """Several, evaluated from left to right, calls included."""
+        last = max((k for k, expression in enumerate(expressions) if self._takes_steps(expression)), default=0)
+        values: list[Evaluate] = []
+        for k, expression in enumerate(expressions):
+            value = self.value(expression)
+            keep = k < last and not isinstance(expression, syntax.Constant)
+            values.append(self._kept(value) if keep else value)
+        return values
+
+    def _takes_steps(self, expression: Expression) -> bool:
+        return any(map(self._takes_a_step, calls(expression)))
+
+    def _kept(self, value: Evaluate) -> Evaluate:
+        """The same value, computed now and kept."""
+        at = self._writer.new_slot()
+        self._writer.keep(at, value)
+        return lambda slots: slots[at]
+
+    def _binary(self, expression: syntax.Binary) -> Evaluate:
+        left, right = self.values((expression.left, expression.right))
+        operate = BINARY[expression.operator]
+        if isinstance(expression.right, syntax.Constant):
+            constant = expression.right.value
+            if expression.operator == "==" and is_number(constant):  # what a program that waits for commands does most
+
+                def compare(slots: Slots) -> bool:
+                    value = left(slots)
+                    return value == constant and value.__class__ is not bool
+
+                return compare
+            return lambda slots: operate(left(slots), constant)
+        return lambda slots: operate(left(slots), right(slots))
+
+    def _logic(self, expression: syntax.Logic) -> Evaluate:
+        decisive = expression.operator == "or"
+        if any(map(self._takes_steps, expression.terms)):
+            return self._logic_in_steps(expression.terms, decisive)
+        terms = [self.value(term) for term in expression.terms]
+
+        def decide(slots: Slots) -> bool:
+            for term in terms:
+                if truth(term(slots)) is decisive:
+                    return decisive
+            return not decisive
+
+        return decide
+
+    def _logic_in_steps(self, terms: tuple[Expression, ...], decisive: bool) -> Evaluate:
+        at, ends = self._writer.new_slot(), []
+        for term in terms:
+            value = self.value(term)
+            self._writer.keep(at, _as_truth(value))
+            ends.append(self._writer.jump_unless(lambda slots: slots[at] is not decisive))
+        for end in ends:
+            self._writer.land(end)
+        return lambda slots: slots[at]
+
+    def _array(self, expression: syntax.Array) -> Evaluate:
+        make = make_pose if expression.pose else make_list
+        elements = self.values(expression.elements)
+        if all(isinstance(part, syntax.Constant) for part in expression.elements):
+            try:
+                return constant(make([part([]) for part in elements]))
+            except ScriptError as error:
+                raise self._writer.error(str(error)) from None
+        return lambda slots: make([part(slots) for part in elements])
+
+    def _call(self, call: syntax.Call) -> Evaluate:
+        routine = self._world.routines.get(call.name)
+        if routine is not None:
+            return self._call_routine(call, routine)
+        function = self._world.functions.get(call.name)
+        if function is None or call.run:
+            what = "thread" if call.run else "function"
+            raise self._writer.error(f"there is no {what} {shown(call.name)}", call.line)
+        return self._call_function(call, function)
+
+    def _call_routine(self, call: syntax.Call, routine: Routine) -> Evaluate:
+        if (routine.kind == "thread") is not call.run:
+            raise self._writer.error(f"threads are run, functions called: {routine.kind} {shown(call.name)}", call.line)
+        code = self._world.codes[call.name]
+        defaults = {name: value for name, value in routine.parameters if value is not None}
+        placed = self._placed(call, [name for name, _ in routine.parameters], defaults)
+        if not all(map(_is_constant, defaults.values())):
+            raise self._writer.error(f"the defaults of {shown(call.name)} are not constants", routine.line)
+        arguments = self.values(placed)
+        formula = None if call.run else self._formula(call.name)
+        if formula is not None:
+            return lambda slots: formula([argument(slots) for argument in arguments])
+        at, following = self._writer.new_slot(), self._writer.following
+
+        def fresh(slots: Slots) -> Slots:
+            own = [argument(slots) for argument in arguments]
+            return own + [UNSET] * (code.slots - len(own))
+
+        if call.run:
+
+            def start(slots: Slots, machine: Machine) -> int:
+                slots[at] = machine.start(code, fresh(slots))
+                return following
+
+            self._writer.emit(start)
+        else:
+            self._writer.emit(lambda slots, machine: machine.enter(code, fresh(slots), following, at))
+        return lambda slots: slots[at]
+
+    def _call_function(self, call: syntax.Call, function: Function) -> Evaluate:
+        parameters = function.parameters
+        defaults = {p.name: syntax.Constant(p.default) for p in parameters if p.default is not REQUIRED}
+        placed = self._placed(call, [parameter.name for parameter in parameters], defaults)
+        values = self.values(placed)
+        arguments = [
+            value
+            if expression is defaults.get(parameter.name)
+            else self._checked(function, parameter, expression, value)
+            for parameter, expression, value in zip(parameters, placed, values, strict=True)
+        ]
+        compute = function.call
+        if not function.is_step:
+            return lambda slots: compute(*[argument(slots) for argument in arguments])
+        at, following = self._writer.new_slot(), self._writer.following
+
+        def wait(slots: Slots, machine: Machine) -> int:
+            return machine.wait(compute(*[argument(slots) for argument in arguments]), following, at)
+
+        def take_long(slots: Slots, machine: Machine) -> int:
+            slots[at] = compute(*[argument(slots) for argument in arguments])
+            return machine.look(following)
+
+        self._writer.emit(wait if function.waits else take_long)
+        return lambda slots: slots[at]
+
+    def _checked(self, function: Function, parameter: Parameter, expression: Expression, value: Evaluate) -> Evaluate:
+        """The argument as the function gets it."""
+        take = parameter.kind.take
+        if isinstance(expression, syntax.Constant):
+            taken = take(expression.value)
+            if taken is REFUSED:
+                raise self._writer.error(str(function.refusal(parameter, expression.value)))
+            return constant(taken)
+
+        def argument(slots: Slots) -> Any:
+            given = value(slots)
+            taken = take(given)
+            if taken is REFUSED:
+                raise function.refusal(parameter, given)
+            return taken
+
+        return argument
+
+    def _placed(
+        self, call: syntax.Call, names: list[str], defaults: Mapping[str, Expression]
+    ) -> tuple[Expression, ...]:
+        """The arguments in the order of the parameters."""
+        given = dict(zip(names, call.arguments, strict=False))
+        named = dict(call.named)
+        if len(call.arguments) > len(names) or len(named) < len(call.named) or given.keys() & named.keys():
+            raise self._writer.error(f"{shown(call.name)} takes {len(names)} arguments: {', '.join(names)}", call.line)
+        given |= named
+        for name in given.keys() - set(names):
+            raise self._writer.error(f"{shown(call.name)} has no parameter {shown(name)}", call.line)
+        for name in names:
+            if name not in given and name not in defaults:
+                raise self._writer.error(f"{shown(call.name)} lacks its argument {name}", call.line)
+        return tuple(given[name] if name in given else defaults[name] for name in names)
+
+    def _takes_a_step(self, call: syntax.Call) -> bool:
+        """Whether a call may wait, or run long."""
+        if call.run or call.name in self._world.routines:
+            return call.run or self._formula(call.name) is None
+        function = self._world.functions.get(call.name)
+        return function is not None and function.is_step
+
+    def _formula(self, name: str) -> Evaluate | None:
+        """What a routine computes of its arguments, where it is one short expression that calls no other routine.
+
+        It is computed in place then: of the routines that clients upload most are such, and steps cost five times
+        as much.
+        """
+        world = self._world
+        if name not in world.formulas:
+            is_one = self._is_formula(world.routines[name].body)
+            world.formulas[name] = _formula(world, name) if is_one else None
+        return world.formulas[name]
+
+    def _is_formula(self, body: syntax.Block) -> bool:
+        if len(body) != 1 or not isinstance(body[0], syntax.Return | syntax.Evaluation) or body[0].value is None:
+            return False
+        if len(list(islice(nodes(body[0].value), LONGEST_FORMULA + 1))) > LONGEST_FORMULA:
+            return False
+        names = [call.name for call in calls(body[0].value)]
+        known = [self._world.functions.get(name) for name in names if name not in self._world.routines]
+        return len(known) == len(names) and all(function and not function.is_step for function in known)
+
+
+def _formula(world: World, name: str) -> Evaluate:
+    code, statement = world.codes[name], world.routines[name].body[0]
+    assert isinstance(statement, syntax.Return | syntax.Evaluation), "only formulas come here"
+    assert statement.value is not None, "and they compute something"
+    variables = {parameter: i for i, parameter in enumerate(code.parameters)}
+    writer = Writer(code, len(variables), statement.line)
+    value = Expressions(world, writer, variables).value(statement.value)
+    if isinstance(statement, syntax.Return):
+        return value
+
+    def nothing(slots: Slots) -> None:
+        value(slots)
+
+    return nothing
+
+
+def constant(value: Value) -> Evaluate:
+    """Always the same."""
+    return lambda slots: value
+
+
+def _is_constant(expression: Expression) -> bool:
+    if isinstance(expression, syntax.Array):
+        return all(map(_is_constant, expression.elements))
+    return isinstance(expression, syntax.Constant)
+
+
+def _as_truth(value: Evaluate) -> Evaluate:
+    return lambda slots: truth(value(slots))
