@@ -21,8 +21,8 @@ GRAVITY_W = GRAVITY_B
 """[m/s^2]; the robot's base stands in the world's origin."""
 MEASURED_AT_F = np.array([0.0, 0.0, SENSOR_HEIGHT])
 """The sensor's measuring point in the flange's frame [m]."""
-NOISE_BLOCK = 4096
-"""Periods for which noise is drawn at a time."""
+NOISE_BLOCK = 256
+"""Periods for which noise is drawn at a time: 30 us, less than a program's turn may take."""
 
 
 class WrenchSensor:

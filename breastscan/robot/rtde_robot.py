@@ -39,8 +39,9 @@ HUNG_TIME = 3.0
 """Wall time without a word of the worker, beyond which it hangs [s]: longer than a simulated
 controller waits for it. Of a controller that is gone it tells sooner, and a real one has long
 stopped the arm."""
-START_TIME = 0.2
-"""Wall time in which the controller's program begins to follow a parked arm's place [s]."""
+START_PERIODS, START_TIME = 10, 0.2
+"""Periods in which the controller's program begins to follow a parked arm's place, and wall time in
+which all states on their way arrive [s]: from there on each target answers the state it was made of."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
 CONNECT_TIME = 60.0
@@ -277,7 +278,8 @@ class RtdeRobot:
     def _start(self) -> None:
         """Have the controller's program follow a parked arm's place, before the arm moves."""
         if not self._driven:
-            self.servo_joint(self._target)
+            for _ in range(START_PERIODS):
+                self.servo_joint(self._target)
             time.sleep(START_TIME)
 
     def _hold(self) -> None:
