@@ -14,8 +14,9 @@ from sim.controller.urscript.values import ScriptError, Value, shown
 
 PERIOD_STEPS = 3000
 """Of all threads in a period: about half of it, if nothing in them is costly."""
-SLICE = 0.002
-"""Processor time of all threads in a period, after which what is costly waits for the next one as well [s]."""
+SLICE = 0.01
+"""Processor time of all threads in a period, after which what is costly waits for the next one as well
+[s]: fifty times what a client's program takes, so that it never depends on the machine when one ends."""
 BETWEEN_LOOKS = 10
 """Steps between two looks at that time, if none is costly."""
 DEEPEST_CALL = 100
