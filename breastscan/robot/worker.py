@@ -255,7 +255,8 @@ class Worker:
                 seen=self._seen,
             )
         )
-        with suppress(BlockingIOError):  # a parent that is busy elsewhere finds the state when it looks
+        # a parent that is busy elsewhere finds the state when it looks; one that is gone is missed in `_listen`
+        with suppress(BlockingIOError, ConnectionError):
             self._targets.send(b"\0", socket.MSG_DONTWAIT)
 
     def clear(self) -> bool:
