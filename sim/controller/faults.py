@@ -15,10 +15,9 @@ import numpy as np
 from breastscan.errors import RobotError
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
+from sim.controller.urscript.values import shown
 
 CONTROL_PORT = 30100
-SHOWN = 40
-"""Characters or names of a request that a refusal repeats."""
 ANSWER_TIME = 5.0
 """Longest wait for an answer [s]."""
 
@@ -70,12 +69,13 @@ class Faults:
         word = request.pop("do")
         if word in self._actions and not request:
             return json.dumps({"ok": True, **(self._actions[word]() or {})})
-        name, act = self._with_number.get(word, ("", self._silence))
-        value = request.get(name)
-        if list(request) == [name] and isinstance(value, int | float) and math.isfinite(value):
-            act(value)
-            return json.dumps({"ok": True})
-        return self._refusal(f"{word[:SHOWN]!r} with {list(request)[:SHOWN]}")
+        if word in self._with_number:
+            name, act = self._with_number[word]
+            value = request.get(name)
+            if list(request) == [name] and isinstance(value, int | float) and math.isfinite(value):
+                act(value)
+                return json.dumps({"ok": True})
+        return self._refusal(f"{shown(word)} with {shown(tuple(request))}")
 
     def _refusal(self, what: str) -> str:
         known = [*self._actions, *(f"{word} ({name})" for word, (name, _) in self._with_number.items())]

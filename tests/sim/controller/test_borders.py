@@ -250,6 +250,7 @@ def test_fields_that_no_mask_counts_may_hold_anything(twin):
         ('{"do": "silence", "seconds": 1e999}', "known"),
         ('{"do": "silence", "seconds": "1"}', "known"),
         ('{"do": "silence"}', "known"),
+        ('{"do": "nonsense", "": 1}', "known"),
         ('{"do": "silence", "seconds": 1' + "0" * 400 + "}", "known"),
         ('{"do": ["status"]}', "expected"),
         ("[]", "expected"),
