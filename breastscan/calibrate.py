@@ -10,11 +10,11 @@ from breastscan import record, shots
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.report import calibration_figures as draw
-from breastscan.vision.board import Board, BoardShot
+from breastscan.vision.boards.board import Board, BoardShot
 from breastscan.vision.calibration import Calibration, calibrate
 from breastscan.vision.camera import StereoRig
-from breastscan.vision.camera_info import write_camera_info
 from breastscan.vision.hand_eye import HandEye, hand_eye
+from breastscan.vision.rigs.camera_info import write_camera_info
 
 RIG_FILE = "rig.yaml"
 METRICS_FILE = "metrics.json"

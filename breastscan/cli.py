@@ -52,7 +52,7 @@ def twin_imports() -> Iterator[None]:
 
 
 def _scan() -> Callable:
-    from breastscan.robot.worker import LinkLimits
+    from breastscan.robot.ur.worker import LinkLimits
     from breastscan.scan import ScanConfig
 
     with twin_imports():
@@ -177,7 +177,7 @@ def _reconstruct() -> Callable:
 
 def _calibrate() -> Callable:
     from breastscan import calibrate as module
-    from breastscan.vision.board import Board
+    from breastscan.vision.boards.board import Board
 
     def calibrate(
         shots: tyro.conf.Positional[Path | None] = None,
@@ -211,7 +211,7 @@ def _calibrate() -> Callable:
 
 def _handeye() -> Callable:
     from breastscan import calibrate as module
-    from breastscan.vision.board import Board
+    from breastscan.vision.boards.board import Board
     from breastscan.vision.camera import StereoRig
 
     def handeye(

@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from breastscan import record, scan
+from breastscan.camera.grey import read_grey
 from breastscan.cloud import filters, normals
 from breastscan.cloud.segment import Breast
 from breastscan.errors import NoBreastError, PerceptionError
-from breastscan.robot.grey import read_grey
 from breastscan.robot.interface import StereoPair
 from breastscan.scan import ScanConfig, Stages
 from breastscan.vision.camera import RectifiedPair, StereoRig
-from breastscan.vision.pair_check import check_exposure
+from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
 VIEW_POINTS = 100_000

@@ -24,10 +24,11 @@ from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
 from breastscan.robot.interface import Robot, StereoCamera, StereoPair
-from breastscan.vision import pair_check, refine, stereo, triangulation
+from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
-from breastscan.vision.photometric import FitConfig
+from breastscan.vision.matching import pair_check
 from breastscan.vision.refine import RefineConfig
+from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig
 
 

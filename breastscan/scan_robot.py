@@ -18,9 +18,9 @@ from breastscan.errors import CalibrationError, ConfigError, PlanningError, Robo
 from breastscan.execution import MotionLog, ScanMotion, lifted_joints
 from breastscan.planning.joint_limits import Clearances
 from breastscan.report.trajectory import Trajectory
-from breastscan.robot import preflight
 from breastscan.robot.interface import StereoCamera
-from breastscan.robot.rtde_robot import FULL_SPEED, RtdeConfig, RtdeRobot
+from breastscan.robot.ur import preflight
+from breastscan.robot.ur.rtde_robot import FULL_SPEED, RtdeConfig, RtdeRobot
 from breastscan.run_folder import Measured
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig

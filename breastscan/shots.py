@@ -18,11 +18,11 @@ import polars as pl
 from jaxtyping import Float
 
 from breastscan import record
+from breastscan.camera.grey import SUFFIXES, read_grey
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.robot.grey import SUFFIXES, read_grey
 from breastscan.robot.interface import StereoPair
-from breastscan.vision.board import Board, BoardShot, find_shot
+from breastscan.vision.boards.board import Board, BoardShot, find_shot
 
 POSES_FILE = "poses.csv"
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from sim.deviations import ArmConfig, calibration, true_arm
+from sim.arm.deviations import ArmConfig, calibration, true_arm
 
 ARMS = 30
 

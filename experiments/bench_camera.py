@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 
-from sim.camera import SimStereoCamera
-from sim.camera_errors import CameraConfig
+from sim.cameras.camera import SimStereoCamera
+from sim.cameras.camera_errors import CameraConfig
 from sim.scene import Scene, SceneConfig
 
 BUDGET = 1.5

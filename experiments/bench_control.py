@@ -14,7 +14,7 @@ from experiments.bench_twin import Row, true_loop_motion
 from experiments.sections import section
 from sim.robot import SimRobot
 from sim.scene import Scene
-from sim.tissue import SoftTissue
+from sim.tissue.soft import SoftTissue
 
 LENGTH, SPEED = 0.15, 0.025
 """Of the path that is walked [m, m/s]."""

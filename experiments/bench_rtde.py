@@ -21,11 +21,11 @@ from rich.table import Table
 
 from breastscan.errors import RobotError
 from breastscan.metrics import rms
-from breastscan.robot.rtde_robot import RtdeConfig, RtdeRobot
-from experiments.error_analysis import STEADY_AFTER
+from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from sim.controller.faults import TwinControl
-from sim.probe import payload
+from sim.error_analysis import STEADY_AFTER
 from sim.scene import Scene
+from sim.wrist.probe import payload
 
 HOST = "127.0.0.5"
 CYCLES = 10_000

@@ -19,7 +19,7 @@ from breastscan.planning.joint_path import JointPathConfig
 from breastscan.planning.pattern import Path
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene
-from sim.tissue import SoftTissue
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
 
 LOOP_POINTS = 15

@@ -15,12 +15,12 @@ from jaxtyping import Float
 from breastscan import calibrate, record, shots
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
-from breastscan.vision.board import Board
+from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
-from experiments.rig_errors import rig_errors
-from sim.board import BoardScene, seen_by_both
-from sim.camera import SimStereoCamera
-from sim.camera_errors import CameraConfig
+from sim.cameras.board import BoardScene, seen_by_both
+from sim.cameras.camera import SimStereoCamera
+from sim.cameras.camera_errors import CameraConfig
+from sim.rig_errors import rig_errors
 from sim.scene import SceneConfig
 
 GRID_COLUMNS, GRID_ROWS = 6, 5

@@ -15,10 +15,10 @@ from jaxtyping import Float, Float32, UInt8
 
 from breastscan.geometry import se3
 from breastscan.vision.camera import Intrinsics, StereoRig
-from sim.camera_errors import CameraErrors
-from sim.describe import Element, add_material, mjcf
-from sim.lens import Lens, canvases, mujoco_camera
-from sim.picture import open_renderer
+from sim.cameras.camera_errors import CameraErrors
+from sim.cameras.lens import Lens, canvases, mujoco_camera
+from sim.cameras.picture import open_renderer
+from sim.room.describe import Element, add_material, mjcf
 
 X_WC = se3.from_rotation_vector(np.array([2.9, 0.1, -0.2]), np.array([0.1, 0.2, 0.7]))
 """Some camera, aligned with nothing."""

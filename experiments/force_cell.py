@@ -19,18 +19,19 @@ from breastscan.execution import MotionLog, ScanMotion, execute, lifted_joints
 from breastscan.geometry import se3
 from breastscan.metrics import rms
 from breastscan.report.trajectory import Trajectory
-from experiments import error_analysis, sections
+from experiments import sections
 from experiments.bench_twin import true_loop_motion
-from sim.breathing import BreathingConfig, Waveform
-from sim.layers import LayerConfig
-from sim.phantom import Phantom
-from sim.phantom_config import PhantomConfig
+from sim import error_analysis
+from sim.arm.servo import PERIOD, ServoConfig
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.servo import PERIOD, ServoConfig
-from sim.tissue import LINEAR_LIMIT, SoftTissue
+from sim.tissue.breathing import BreathingConfig, Waveform
+from sim.tissue.layers import LayerConfig
+from sim.tissue.phantom import Phantom
+from sim.tissue.phantom_config import PhantomConfig
+from sim.tissue.soft import LINEAR_LIMIT, SoftTissue
 from sim.truth import Truth
-from sim.wrench_errors import Quality, WrenchSensorConfig
+from sim.wrist.wrench_errors import Quality, WrenchSensorConfig
 
 LOOP_TIME, LEAST_LENGTH = 5.0, 0.08
 """A cell goes along the path for so long [s], and at least so far [m]: over the whole ramp of the surface error."""

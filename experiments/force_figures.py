@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from experiments.force_cell import Outcome
-from sim.servo import PERIOD
+from sim.arm.servo import PERIOD
 
 SHOWN = ("nominal", "breathing, sine", "10 mm nearer", "inclusion")
 """Circumstances whose forces are drawn."""

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from sim.describe import Element, mjcf
-from sim.ur5e import add_arm
-from sim.wrench_sensor import GRAVITY_W
+from sim.arm.ur5e import add_arm
+from sim.room.describe import Element, mjcf
+from sim.wrist.wrench_sensor import GRAVITY_W
 
 DURATION = 10.0
 """Length of the swing [s]."""

@@ -1,9 +1,9 @@
 """The reference for the soft phantom: full quadratic finite elements, large deformations, contact where it happens.
 
-Shares nothing with `sim.tissue` but the phantom's shape and the probe's face. The material is neo-Hookean (for small
-strains it is Hooke's), the equilibrium is that of the deformed body, and the traction acts along the normals of the
-probe's face wherever the displaced skin lies. The contact is a stiff penalty, the equations are solved by Newton's
-method, its linear systems by conjugate gradients with the linear elements as a coarse level.
+Shares nothing with `sim.tissue.soft` but the phantom's shape and the probe's face. The material is neo-Hookean (for
+small strains it is Hooke's), the equilibrium is that of the deformed body, and the traction acts along the normals of
+the probe's face wherever the displaced skin lies. The contact is a stiff penalty, the equations are solved by
+Newton's method, its linear systems by conjugate gradients with the linear elements as a coarse level.
 """
 
 from typing import no_type_check
@@ -17,9 +17,9 @@ from skfem.models.elasticity import lame_parameters
 
 from experiments.local_mesh import local_mesh
 from experiments.two_level import TwoLevel
-from sim.layers import modulus_ratio
-from sim.phantom import Phantom
-from sim.probe_face import ProbeFace, distance
+from sim.tissue.layers import modulus_ratio
+from sim.tissue.phantom import Phantom
+from sim.wrist.probe_face import ProbeFace, distance
 
 PENALTY = 1e5
 """Contact pressure per penetration, over Young's modulus [1/m]: .01 mm at a pressure of E."""

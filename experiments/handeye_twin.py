@@ -14,14 +14,14 @@ from jaxtyping import Float
 from breastscan import calibrate, record, shots
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
-from breastscan.vision.board import Board
+from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import StereoRig
-from experiments.rig_errors import rig_errors
-from sim.board import X_FBOARD, BoardScene, seen_by_both
-from sim.camera import SimStereoCamera
-from sim.camera_errors import CameraConfig
-from sim.clearance import Clearance
+from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
+from sim.cameras.camera import SimStereoCamera
+from sim.cameras.camera_errors import CameraConfig
+from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
+from sim.room.clearance import Clearance
 from sim.scene import HOME_Q, SceneConfig
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))

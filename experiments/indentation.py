@@ -8,9 +8,9 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from experiments.full_tissue import FullTissue
-from sim.contact import Mechanics
-from sim.phantom import Phantom
-from sim.tissue import SoftTissue
+from sim.tissue.contact import Mechanics
+from sim.tissue.phantom import Phantom
+from sim.tissue.soft import SoftTissue
 
 DEPTHS = np.arange(1, 9) * 1e-3
 """Indentations [m]; the full finite elements find their equilibrium in no larger steps."""

@@ -18,11 +18,11 @@ from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
 from experiments import paper_loop
-from sim.clearance import Clearance
-from sim.phantom import PhantomConfig
+from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
+from sim.room.clearance import Clearance
 from sim.scene import PERIOD, Scene, SceneConfig
-from sim.servo import ServoConfig
+from sim.tissue.phantom import PhantomConfig
 
 MOUNTS_DEG = (0.0, 45.0)
 """Angles between probe and flange."""

@@ -7,8 +7,8 @@ import skfem
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from sim.mesh import mesh_phantom
-from sim.phantom import Phantom
+from sim.tissue.mesh import mesh_phantom
+from sim.tissue.phantom import Phantom
 
 COARSE_POINTS = 400
 """Points on the skin before refinement."""

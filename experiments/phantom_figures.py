@@ -13,14 +13,14 @@ from breastscan.geometry import kinematics, se3
 from breastscan.report import theme
 from experiments.indentation import DEPTHS, FINEST, REST, Indentation, pose
 from experiments.tissue_cost import LONGEST_RIPPLE, SLIDE_DEPTH, Slide
-from sim.breast import SHAPES, BreastClass
-from sim.breathing import BreathingConfig, Waveform, rise
-from sim.mechanics import build_mechanics
-from sim.phantom import Phantom
-from sim.phantom_config import Mechanics, PhantomConfig, Texture
-from sim.picture import Picture
+from sim.cameras.picture import Picture
+from sim.cameras.video import View
 from sim.scene import HOME_Q, Scene, SceneConfig
-from sim.video import View
+from sim.tissue.breast import SHAPES, BreastClass
+from sim.tissue.breathing import BreathingConfig, Waveform, rise
+from sim.tissue.mechanics import build_mechanics
+from sim.tissue.phantom import Phantom
+from sim.tissue.phantom_config import Mechanics, PhantomConfig, Texture
 
 COLOURS = ("#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7")
 """Of the members of a family, from Okabe and Ito's palette."""

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from platformdirs import user_cache_path
 
+from breastscan.camera.grey import read_grey
 from breastscan.errors import ConfigError
-from breastscan.robot.grey import read_grey
 from experiments.depth_edges import EdgePair
 
 SCIKIT_IMAGE = "scikit-image==0.17.2"

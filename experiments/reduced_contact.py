@@ -23,7 +23,7 @@ EXPONENT = 1.47
 YOUNG, FORCE, INDENTATION = 30e3, 4.95, 0.006
 """Measured once on the twin: this force [N] at this indentation [m] for this modulus [Pa]."""
 DAMPING = 3.0
-"""Relative rise of the force per speed of indentation [s/m], as in `sim.tissue`."""
+"""Relative rise of the force per speed of indentation [s/m], as in `sim.tissue.soft`."""
 NORMAL_SHARE = 0.64
 """Share of a vertical motion along the probe axis, halfway up the breast."""
 

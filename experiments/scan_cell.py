@@ -11,18 +11,18 @@ from typing import Any
 from rich.console import Console
 
 from breastscan import scan_robot
-from breastscan.robot.cameras import open_camera
+from breastscan.camera.choice import open_camera
 from breastscan.robot.interface import StereoCamera
-from breastscan.robot.rtde_robot import RtdeConfig
-from breastscan.robot.worker import LinkLimits
+from breastscan.robot.ur.rtde_robot import RtdeConfig
+from breastscan.robot.ur.worker import LinkLimits
 from breastscan.scan import ScanConfig
 from breastscan.scan_robot import RobotScan
 from breastscan.vision.camera import StereoRig
 from experiments.scan_twin import seeded
-from sim.camera import SimStereoCamera
-from sim.clearance import Clearance
-from sim.probe import payload
+from sim.cameras.camera import SimStereoCamera
+from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
+from sim.wrist.probe import payload
 
 TWIN = "twin"
 """Option that names the scene's own cameras."""
@@ -35,7 +35,7 @@ class CellScan:
     robot: str
     """rtde://HOST."""
     camera: str = TWIN
-    """`TWIN`, or one of `breastscan.robot.cameras.FORMS`."""
+    """`TWIN`, or one of `breastscan.camera.choice.FORMS`."""
     calibration: Path | None = None
     """File of the arm's own kinematics."""
     rig: Path | None = None

@@ -15,17 +15,17 @@ from breastscan.geometry import se3
 from breastscan.run_folder import Measured
 from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
-from experiments import error_analysis
-from experiments.rig_errors import rig_errors
-from sim import filament
-from sim.camera import SimStereoCamera
-from sim.clearance import Clearance
-from sim.contact import Mechanics
-from sim.mechanics import build_mechanics
+from sim import error_analysis
+from sim.cameras import filament
+from sim.cameras.camera import SimStereoCamera
+from sim.cameras.video import Footage, VideoConfig, render_video
+from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
+from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
+from sim.tissue.contact import Mechanics
+from sim.tissue.mechanics import build_mechanics
 from sim.truth import Truth
-from sim.video import Footage, VideoConfig, render_video
 
 
 @runtime_checkable
@@ -63,7 +63,7 @@ def run(
         console: Where progress and summary are shown.
         rig: File of an estimated rig that the scan sees with, instead of the true one. The twin's cameras stay the
             scene's.
-        fine: Whether `sim.filament` draws the video, where it can.
+        fine: Whether `sim.cameras.filament` draws the video, where it can.
 
     Returns:
         The metrics, as in `metrics.json`.

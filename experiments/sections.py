@@ -6,7 +6,7 @@ from jaxtyping import Float
 from breastscan.execution import ScanMotion, lifted_joints
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from sim.servo import PERIOD
+from sim.arm.servo import PERIOD
 
 ACCELERATION = 0.1
 """Along the path, at both ends [m/s^2]."""

@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
+from sim.arm.servo import PERIOD, ServoConfig, ServoJ
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
-from sim.servo import PERIOD, ServoConfig, ServoJ
 
 LOOKAHEADS = (0.03, 0.05, 0.1, 0.2)
 GAINS = (100.0, 300.0, 1000.0, 2000.0)

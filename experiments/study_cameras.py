@@ -17,17 +17,18 @@ from matplotlib.axes import Axes
 from breastscan import record
 from breastscan.geometry import se3
 from breastscan.scan import ScanConfig, Stages, perceive
-from experiments import bench_camera, camera_projection, error_analysis
+from experiments import bench_camera, camera_projection
 from experiments.scan_twin import seeded
-from sim import filament
-from sim.camera import SimStereoCamera
-from sim.camera_errors import CAMERA_CLASSES, FULL_WELL, WHITE, CameraConfig, CameraErrors
-from sim.lens import Lens, canvases
+from sim import error_analysis
+from sim.cameras import filament
+from sim.cameras.camera import SimStereoCamera
+from sim.cameras.camera_errors import CAMERA_CLASSES, FULL_WELL, WHITE, CameraConfig, CameraErrors
+from sim.cameras.lens import Lens, canvases
+from sim.cameras.sensor import expose
+from sim.cameras.video import CLOSE_UP, render_still
 from sim.scene import HOME_Q, Scene, SceneConfig
-from sim.sensor import expose
-from sim.tissue import SoftTissue
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
-from sim.video import CLOSE_UP, render_still
 
 FLAT_PX = (300, 400)
 """Size of a flat field."""

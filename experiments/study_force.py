@@ -23,7 +23,7 @@ from breastscan.control.laws import LawName
 from breastscan.errors import ConfigError
 from experiments import force_cell, force_figures
 from experiments.force_cell import Cell, Outcome
-from sim.wrench_errors import Quality
+from sim.wrist.wrench_errors import Quality
 
 LAWS: tuple[LawName, ...] = get_args(LawName)
 SENSORS: tuple[Quality, ...] = get_args(Quality)

@@ -14,11 +14,11 @@ from breastscan import metrics, record
 from experiments import phantom_figures, tissue_cost
 from experiments.indentation import DEPTHS, FINEST, SET_POINT, Indentation, against_full, axial_force, pose
 from experiments.tissue_cost import FINER, HEIGHTS, LONGEST_RIPPLE, SLIDE_DEPTH, SPINS_DEG, Build, Slide
-from sim.flex import FlexTissue
-from sim.layers import FAT_YOUNG, SKIN_YOUNG, LayerConfig
-from sim.phantom import Phantom
-from sim.phantom_config import PhantomConfig
-from sim.tissue import SoftTissue
+from sim.tissue.flex import FlexTissue
+from sim.tissue.layers import FAT_YOUNG, SKIN_YOUNG, LayerConfig
+from sim.tissue.phantom import Phantom
+from sim.tissue.phantom_config import PhantomConfig
+from sim.tissue.soft import SoftTissue
 
 PLACES = (("standard", 0.7), ("scattered", 2.8))
 """Classes, and azimuths on their half-height loops [rad], that are pressed in full finite elements."""

@@ -20,12 +20,12 @@ from experiments.bench_twin import true_loop_motion
 from experiments.free_swing import Swing
 from experiments.servo_response import Response
 from experiments.wrist_readings import Readings
+from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.servo import PERIOD
-from sim.tissue import SoftTissue
+from sim.tissue.soft import SoftTissue
 from sim.truth_log import TruthLog
-from sim.wrench_errors import WRENCH_CLASSES, WrenchSensorConfig
+from sim.wrist.wrench_errors import WRENCH_CLASSES, WrenchSensorConfig
 
 REPEATED_ROWS = 1000
 """Rows of the loop that are scanned twice: 2 s after contact has settled."""

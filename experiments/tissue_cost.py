@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.indentation import axial_force, pose
-from sim.compliance import compute_compliance
-from sim.phantom import Phantom
-from sim.phantom_config import PhantomConfig
-from sim.tissue import SoftTissue
+from sim.tissue.compliance import compute_compliance
+from sim.tissue.phantom import Phantom
+from sim.tissue.phantom_config import PhantomConfig
+from sim.tissue.soft import SoftTissue
 
 CASES = {
     "standard, first time": PhantomConfig(),

@@ -10,9 +10,9 @@ from experiments.arm_accuracy import Accuracy
 from experiments.free_swing import Swing
 from experiments.servo_response import GAINS, LOOKAHEADS, STEP, Response
 from experiments.wrist_readings import Readings
-from sim.servo import PERIOD, ServoConfig
-from sim.wrench_errors import WRENCH_CLASSES
-from sim.wrench_sensor import low_pass_pole
+from sim.arm.servo import PERIOD, ServoConfig
+from sim.wrist.wrench_errors import WRENCH_CLASSES
+from sim.wrist.wrench_sensor import low_pass_pole
 
 COLOURS = ("#0072b2", "#009e73", "#e69f00", "#d55e00")
 """Of the members of a family, from Okabe and Ito's palette."""

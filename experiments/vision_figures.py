@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from breastscan import record
-from breastscan.robot.grey import read_grey
+from breastscan.camera.grey import read_grey
 from breastscan.robot.interface import StereoPair
 from breastscan.scan import Reconstruction, ScanConfig, Stages, perceive
 from experiments.scan_twin import seeded

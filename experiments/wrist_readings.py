@@ -8,12 +8,12 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from breastscan.robot.payload import GRAVITY_B, load_map
-from sim.probe import payload
+from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
-from sim.servo import PERIOD
-from sim.wrench_errors import Quality, WrenchSensorConfig
-from sim.wrench_sensor import MEASURED_AT_F, WrenchSensor
+from sim.wrist.probe import payload
+from sim.wrist.wrench_errors import Quality, WrenchSensorConfig
+from sim.wrist.wrench_sensor import MEASURED_AT_F, WrenchSensor
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Orientation of a flange that looks down."""

@@ -12,20 +12,20 @@ from jaxtyping import Float
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.robot import targets
 from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
-from sim import divergence
-from sim.breathing import rise, rising_speed
-from sim.contact import Contact, Mechanics
-from sim.drives import Drives
-from sim.probe import payload
+from breastscan.robot.ur import targets
+from sim.arm import divergence
+from sim.arm.drives import Drives
+from sim.arm.servo import PERIOD, ServoJ
+from sim.arm.ur5e import joint_names
 from sim.scene import HOME_Q, Scene
-from sim.servo import PERIOD, ServoJ
+from sim.tissue.breathing import rise, rising_speed
+from sim.tissue.contact import Contact, Mechanics
 from sim.truth_log import TruthLog, TruthRecorder
-from sim.ur5e import joint_names
-from sim.wrench_sensor import GRAVITY_W, WrenchSensor
+from sim.wrist.probe import payload
+from sim.wrist.wrench_sensor import GRAVITY_W, WrenchSensor
 
 STOP_DECELERATION = 4.0
 """Deceleration of the leading joint on `stop` [rad/s^2]."""

@@ -19,21 +19,29 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
-from sim.breathing import BreathingConfig, rise
-from sim.camera_errors import CameraConfig
-from sim.describe import Element, add_material, mjcf
-from sim.deviations import ArmConfig, calibration, true_arm
-from sim.lens import canvases, mujoco_camera
+from sim.arm.deviations import ArmConfig, calibration, true_arm
+from sim.arm.servo import PERIOD as PERIOD
+from sim.arm.servo import ServoConfig
+from sim.arm.ur5e import add_arm
+from sim.cameras.camera_errors import CameraConfig
+from sim.cameras.lens import canvases, mujoco_camera
 from sim.live.skin import hang_skin
-from sim.phantom import Phantom, PhantomConfig
-from sim.probe import add_tool, tip_pose
-from sim.probe_face import ProbeFace
-from sim.room import LIT_CENTRE, LIT_RADIUS, STANDING_ROOM_X, STANDING_ROOM_Y, add_chest, add_room, add_stand
-from sim.servo import PERIOD as PERIOD
-from sim.servo import ServoConfig
-from sim.ur5e import add_arm
-from sim.wrench_errors import WrenchSensorConfig
-from sim.wrench_sensor import GRAVITY_W
+from sim.room.describe import Element, add_material, mjcf
+from sim.room.surroundings import (
+    LIT_CENTRE,
+    LIT_RADIUS,
+    STANDING_ROOM_X,
+    STANDING_ROOM_Y,
+    add_chest,
+    add_room,
+    add_stand,
+)
+from sim.tissue.breathing import BreathingConfig, rise
+from sim.tissue.phantom import Phantom, PhantomConfig
+from sim.wrist.probe import add_tool, tip_pose
+from sim.wrist.probe_face import ProbeFace
+from sim.wrist.wrench_errors import WrenchSensorConfig
+from sim.wrist.wrench_sensor import GRAVITY_W
 
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])

@@ -12,11 +12,11 @@ from jaxtyping import Bool, Float
 
 from breastscan.geometry import se3
 from breastscan.vision.camera import Intrinsics
-from sim.contact import Mechanics
-from sim.hemisphere import sphere_axes
-from sim.lens import pixel_rays
-from sim.mesh_rays import first_hits
-from sim.phantom import Phantom
+from sim.cameras.lens import pixel_rays
+from sim.cameras.mesh_rays import first_hits
+from sim.tissue.contact import Mechanics
+from sim.tissue.hemisphere import sphere_axes
+from sim.tissue.phantom import Phantom
 
 LOOP_POINTS = 4000
 """Points of the true half-height loop: .1 mm apart."""

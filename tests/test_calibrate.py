@@ -11,7 +11,7 @@ from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 from breastscan.robot.interface import StereoPair
 from breastscan.vision.camera import StereoRig
-from tests.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
+from tests.vision.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
 
 X_FBOARD = se3.pose(np.eye(3), np.array([-0.27, -0.05, 0.12]))
 

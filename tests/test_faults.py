@@ -14,12 +14,12 @@ from breastscan.errors import RobotError, SafetyError
 from breastscan.execution import MotionLog
 from breastscan.geometry import kinematics
 from experiments import sections
-from sim.printed import PrintedBreast
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.tissue import SoftTissue
+from sim.tissue.printed import PrintedBreast
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
-from sim.wrench_sensor import WrenchSensorConfig
+from sim.wrist.wrench_sensor import WrenchSensorConfig
 from tests.twin_path import arc_motion
 
 CONFIG = ContactConfig(force=5.0, phases=PhaseConfig(approach_speed=0.02, settle_time=0.6))

@@ -8,7 +8,7 @@ import trimesh
 from breastscan import plan, record
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
 from breastscan.geometry import se3
-from sim.probe import tip_pose
+from sim.wrist.probe import tip_pose
 
 CENTRE_B, RADIUS, HEIGHT = np.array([0.5, 0.0, 0.08]), 0.075, 0.055
 

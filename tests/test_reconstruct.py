@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from breastscan.camera.grey import read_grey
 from breastscan.errors import PerceptionError
 from breastscan.reconstruct import reconstruct
-from breastscan.robot.grey import read_grey
 from breastscan.scan import ScanConfig
 from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.depth_edges import edge_pair

@@ -9,7 +9,7 @@ from rich.console import Console
 from breastscan import scan_robot
 from breastscan.errors import CalibrationError, ConfigError, RobotError, SafetyError
 from breastscan.robot.payload import Payload
-from breastscan.robot.rtde_robot import RtdeConfig
+from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.scan import ScanConfig
 from breastscan.scan_robot import RobotScan
 from sim.scene import Scene

@@ -1,6 +1,6 @@
 """What a robot and a stereo camera must offer, be they simulated, recorded or real.
 
-The twin (`sim.robot`, `sim.camera`) and the hardware implement these protocols; nothing in
+The twin (`sim.robot`, `sim.cameras.camera`) and the hardware implement these protocols; nothing in
 `breastscan` knows which of them it drives.
 """
 

@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.vision import bundle
-from breastscan.vision.board import Board, BoardShot
-from breastscan.vision.calibration_quality import Quality, QualityLimits, check, image_coverage, tilt_spread
+from breastscan.vision.boards import bundle
+from breastscan.vision.boards.board import Board, BoardShot
+from breastscan.vision.boards.calibration_quality import Quality, QualityLimits, check, image_coverage, tilt_spread
 from breastscan.vision.camera import Intrinsics, StereoRig
 
 HELD_OUT_EVERY = 5

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from breastscan.errors import PerceptionError
-from breastscan.vision.photometric import FitConfig, GreyLevels, PhotometricFit, fit_to_images, fit_to_matcher
-from breastscan.vision.row_shift import RowShift, row_shift
-from breastscan.vision.spline_field import Region
+from breastscan.vision.refining.photometric import FitConfig, GreyLevels, PhotometricFit, fit_to_images, fit_to_matcher
+from breastscan.vision.refining.row_shift import RowShift, row_shift
+from breastscan.vision.refining.spline_field import Region
 
 SHIFT_ROUNDS = 4
 SHIFT_CONVERGED_PX = 0.005

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from breastscan.errors import PerceptionError
-from breastscan.vision.census import census
-from breastscan.vision.disparity_filters import filtered
-from breastscan.vision.lanes import LANES
-from breastscan.vision.sgm import semi_global_disparity
-from breastscan.vision.sgm_kernels import LARGEST_P2, MOST_DISPARITIES, Matching
+from breastscan.vision.matching.census import census
+from breastscan.vision.matching.disparity_filters import filtered
+from breastscan.vision.matching.lanes import LANES
+from breastscan.vision.matching.sgm import semi_global_disparity
+from breastscan.vision.matching.sgm_kernels import LARGEST_P2, MOST_DISPARITIES, Matching
 
 COARSE_FACTOR, COARSE_WIDTH = 4, 160
 """The coarse pass shrinks the images so many times, but no narrower than this [px]."""

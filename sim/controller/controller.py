@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
-from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT
+from breastscan.robot.ur.targets import ANGLE_LIMIT, SPEED_LIMIT
+from sim.arm.servo import PERIOD
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
@@ -19,9 +20,8 @@ from sim.controller.urscript.program import Program, Thread, load
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.values import SHOWN, ScriptError
 from sim.controller.variables import INPUTS, REGISTERS, zero
-from sim.probe import payload
 from sim.robot import SimRobot
-from sim.servo import PERIOD
+from sim.wrist.probe import payload
 
 STOP_DECELERATION = 10.0
 """Of the leading joint when a program ends [rad/s^2]."""

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from breastscan.robot.targets import ANGLE_LIMIT
+from breastscan.robot.ur.targets import ANGLE_LIMIT
+from sim.arm.servo import PERIOD
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse, reaching
@@ -37,7 +38,6 @@ from sim.controller.urscript.signature import (
 )
 from sim.controller.urscript.values import Pose, ScriptError, Value, is_number, make_string
 from sim.controller.variables import INPUTS, REGISTERS
-from sim.servo import PERIOD
 
 AT_REST = 1e-3
 """Joint speed below which the arm is steady [rad/s]."""

@@ -11,9 +11,9 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
-from breastscan.robot.targets import SPEED_LIMIT, SPEED_TOLERANCE
+from breastscan.robot.ur.targets import SPEED_LIMIT, SPEED_TOLERANCE
+from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
-from sim.servo import PERIOD
 
 Motion = Callable[[SimRobot, float], bool]
 """(robot, speed scaling) -> whether it goes on."""

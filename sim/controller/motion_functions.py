@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT, SPEED_TOLERANCE
+from breastscan.robot.ur.targets import ANGLE_LIMIT, SPEED_LIMIT, SPEED_TOLERANCE
+from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse
 from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
 from sim.controller.urscript.signature import ANYTHING, JOINTS, NUMBER, PLACE, POSITIVE, Function, Parameter, row
 from sim.controller.urscript.values import Pose, ScriptError
-from sim.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
 
 Wait = Generator[None, None, None]
 Vector6 = Float[np.ndarray, "6"]

@@ -5,10 +5,10 @@ import struct
 from collections.abc import Callable
 from typing import Protocol
 
+from sim.arm.servo import PERIOD
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
 from sim.controller.variables import INPUTS, OUTPUTS, Recipe
-from sim.servo import PERIOD
 
 VERSION, CONTROLLER, OUTPUT_SETUP, INPUT_SETUP, START, PAUSE, DATA, TEXT = b"VvOISPUM"
 """Types of messages."""

@@ -13,15 +13,15 @@ from pathlib import Path
 import polars as pl
 
 from breastscan import record
+from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
 from sim.controller.functions import script_functions
 from sim.controller.server import Server, ask_for_priority
 from sim.controller.urscript.syntax import make_ready
-from sim.mechanics import build_mechanics
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.servo import PERIOD
+from sim.tissue.mechanics import build_mechanics
 from sim.truth_log import TruthLog
 
 LINK_TRANSPORT = PERIOD

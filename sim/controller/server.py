@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 from breastscan.errors import RobotError
+from sim.arm.servo import PERIOD
 from sim.controller import dashboard, primary
 from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
@@ -19,7 +20,6 @@ from sim.controller.outputs import Outputs
 from sim.controller.rtde import EXCEPTION, Connection, Registry
 from sim.controller.urscript.splitter import Splitter
 from sim.controller.urscript.values import ScriptError
-from sim.servo import PERIOD
 
 RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORTS = 30004, 29999, (30001, 30002, 30003)
 """A controller's; clients have them built in."""

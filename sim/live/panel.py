@@ -11,9 +11,9 @@ from mujoco.studio.implot import implot
 from mujoco.studio.messages import BuildGuiEvent, PostModelEvent, UpdateEvent, handler
 from mujoco.studio.plugin import ViewerInitEvent, ViewerPlugin
 
-from sim.describe import COLLISION_GROUP
+from sim.cameras.video import View
 from sim.live.messages import START, PaceSnapshot, PicturesSnapshot, PlanEvent, ScanSnapshot
-from sim.video import View
+from sim.room.describe import COLLISION_GROUP
 
 WIDTH_PX = 380
 FORCE_TOP, DEPTH_TOP = 8.0, 10.0

@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from sim.describe import Element
-from sim.hemisphere import coarser_rows, hemisphere
-from sim.phantom import SKIN_RINGS, SkinMesh
+from sim.room.describe import Element
+from sim.tissue.hemisphere import coarser_rows, hemisphere
+from sim.tissue.phantom import SKIN_RINGS, SkinMesh
 
 COARSENING = 4
 """Rings of the fine skin to one of the live skin: 1027 vertices 6 mm apart. All of the fine one's would be 13 MB a

@@ -19,7 +19,8 @@ from mujoco.studio.messages import handler
 from mujoco.studio.plugin import SimPlugin
 
 from breastscan.geometry import kinematics, se3
-from sim.camera import SimStereoCamera
+from sim.arm.ur5e import joint_names
+from sim.cameras.camera import SimStereoCamera
 from sim.live.launch import LiveConfig, launch
 from sim.live.messages import START, PaceSnapshot, PicturesSnapshot, PlanEvent, ScanSnapshot
 from sim.live.pace import Pace
@@ -27,7 +28,6 @@ from sim.live.panel import Panel
 from sim.live.skin import live_vertices
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene
-from sim.ur5e import joint_names
 
 FRAME_TIME = 1 / 30
 """Wall time between two pictures of the scene [s]."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from breastscan.control.servo_model import ServoModel
-from sim.servo import ServoConfig, ServoJ
+from sim.arm.servo import ServoConfig, ServoJ
 
 PERIOD = 0.002
 

@@ -1,8 +1,8 @@
 import numpy as np
 
 from experiments import arm_accuracy
-from sim.probe import tip_pose
 from sim.scene import HOME_Q
+from sim.wrist.probe import tip_pose
 
 
 def test_reading_the_calibration_takes_nine_tenths_of_the_error_out():

@@ -3,7 +3,7 @@ import pytest
 
 from breastscan.planning.joint_limits import JointPathConfig
 from experiments import joint_walks, paper_loop, study_joints
-from sim.probe import tip_pose
+from sim.wrist.probe import tip_pose
 
 
 def test_a_domes_normals_point_outwards_about_fifty_degrees_off_vertical():

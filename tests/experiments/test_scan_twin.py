@@ -16,11 +16,11 @@ from breastscan.robot.interface import Robot, StereoCamera, StereoPair
 from breastscan.scan import ScanConfig, Stages, perceive
 from breastscan.vision.camera import StereoRig
 from experiments import scan_twin
-from sim.camera import SimStereoCamera
+from sim.arm.servo import ServoConfig
+from sim.cameras.camera import SimStereoCamera
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
-from sim.servo import ServoConfig
-from sim.wrench_errors import WRENCH_CLASSES
+from sim.wrist.wrench_errors import WRENCH_CLASSES
 
 FILES = {
     "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",

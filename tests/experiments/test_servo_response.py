@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.servo_response import respond
-from sim.servo import ServoConfig
+from sim.arm.servo import ServoConfig
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.recorded import COLUMNS, RecordedRobot
 from sim.robot import SimRobot
 from sim.scene import Scene
-from sim.tissue import SoftTissue
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
 from tests.robot.contract import RobotContract, send, stream
 from tests.twin_path import arc_motion

@@ -1,8 +1,8 @@
 import pytest
 
-from sim.phantom import PhantomConfig
 from sim.scene import Scene, SceneConfig
-from sim.wrench_errors import WrenchSensorConfig
+from sim.tissue.phantom import PhantomConfig
+from sim.wrist.wrench_errors import WrenchSensorConfig
 
 
 @pytest.fixture(scope="session")

@@ -6,16 +6,16 @@ import pytest
 from breastscan.errors import RobotError
 from breastscan.geometry import kinematics, se3
 from breastscan.robot.payload import Payload, identify
-from sim.deviations import ArmConfig
-from sim.probe import payload
+from sim.arm.deviations import ArmConfig
+from sim.arm.ur5e import SPEED_LIMIT
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
-from sim.tissue import SoftTissue
-from sim.ur5e import SPEED_LIMIT
-from sim.wrench_errors import WrenchSensorConfig
-from sim.wrench_sensor import MEASURED_AT_F
-from tests.closed_form_tissue import ExplodingTissue, SpringTissue, UndefinedTissue
-from tests.sim.press_poses import loop_pose
+from sim.tissue.soft import SoftTissue
+from sim.wrist.probe import payload
+from sim.wrist.wrench_errors import WrenchSensorConfig
+from sim.wrist.wrench_sensor import MEASURED_AT_F
+from tests.sim.tissue.closed_form_tissue import ExplodingTissue, SpringTissue, UndefinedTissue
+from tests.sim.tissue.press_poses import loop_pose
 
 STIFFNESS = 800.0
 """Stiffness of the test's spring [N/m]."""

@@ -5,10 +5,10 @@ import pytest
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
-from sim.clearance import Clearance
-from sim.describe import VISUAL_GROUP
-from sim.probe import payload, tip_pose
+from sim.room.clearance import Clearance
+from sim.room.describe import VISUAL_GROUP
 from sim.scene import HOME_Q, Scene, SceneConfig
+from sim.wrist.probe import payload, tip_pose
 
 
 @pytest.fixture(scope="module")

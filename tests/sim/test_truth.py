@@ -4,12 +4,12 @@ import pytest
 import trimesh
 
 from breastscan.geometry import se3
-from sim.compliance import compute_compliance
-from sim.lens import binned, pixel_rays
-from sim.phantom import Phantom, PhantomConfig
-from sim.tissue import SoftTissue
+from sim.cameras.lens import binned, pixel_rays
+from sim.tissue.compliance import compute_compliance
+from sim.tissue.phantom import Phantom, PhantomConfig
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
-from tests.sim.press_poses import REST, loop_pose
+from tests.sim.tissue.press_poses import REST, loop_pose
 
 
 @pytest.fixture(scope="module")

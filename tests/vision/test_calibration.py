@@ -4,11 +4,11 @@ from scipy.spatial.transform import Rotation
 
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.vision.board import BoardShot
-from breastscan.vision.bundle import reprojection
+from breastscan.vision.boards.board import BoardShot
+from breastscan.vision.boards.bundle import reprojection
+from breastscan.vision.boards.calibration_quality import Quality, QualityLimits, check, tilt_spread
 from breastscan.vision.calibration import CalibrationConfig, board_pose, calibrate, fit_pose
-from breastscan.vision.calibration_quality import Quality, QualityLimits, check, tilt_spread
-from tests.board_shots import BOARD, SIZE, make_rig, poses_in_view, shots_of
+from tests.vision.board_shots import BOARD, SIZE, make_rig, poses_in_view, shots_of
 
 
 @pytest.fixture(scope="module")

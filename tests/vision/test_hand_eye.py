@@ -7,7 +7,7 @@ from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.vision.calibration import board_pose
 from breastscan.vision.hand_eye import CLOSED_FORMS, HandEyeConfig, closed_form, hand_eye, same_end
-from tests.board_shots import BOARD, flange_poses, make_rig, shots_of
+from tests.vision.board_shots import BOARD, flange_poses, make_rig, shots_of
 
 X_FBOARD = se3.from_rotation_vector(np.array([0.02, -0.01, 0.3]), np.array([-0.27, -0.05, 0.12]))
 POSITION_NOISE, ROTATION_NOISE = 5e-5, np.radians(0.01)

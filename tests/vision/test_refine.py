@@ -8,8 +8,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from breastscan.cloud.segment import segment_breast
 from breastscan.errors import PerceptionError
-from breastscan.vision.photometric import FitConfig
 from breastscan.vision.refine import RefineConfig, RefinedDisparity, refine
+from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig, disparity_map
 from breastscan.vision.triangulation import triangulate
 from experiments.ray_cast_dome import DomeScene

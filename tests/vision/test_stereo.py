@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from breastscan.errors import PerceptionError
-from breastscan.vision.census import census
+from breastscan.vision.matching.census import census
 from breastscan.vision.stereo import StereoConfig, disparity_map, disparity_range
 from experiments.depth_edges import edge_pair
 from experiments.ray_cast_dome import DomeScene

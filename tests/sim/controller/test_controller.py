@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from breastscan.robot.targets import ANGLE_LIMIT, SPEED_LIMIT
+from breastscan.robot.ur.targets import ANGLE_LIMIT, SPEED_LIMIT
+from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import FASTEST, Controller
 from sim.controller.functions import script_functions
 from sim.controller.states import Runtime, Safety
 from sim.robot import SimRobot
 from sim.scene import Scene
-from sim.servo import PERIOD
 
 
 @pytest.fixture(scope="module")

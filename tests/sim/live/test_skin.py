@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from breastscan.geometry import se3
-from sim.hemisphere import coarser_rows, hemisphere
 from sim.live.skin import live_vertices
+from sim.tissue.hemisphere import coarser_rows, hemisphere
 
 
 @pytest.mark.parametrize(("rings", "every"), [(6, 1), (6, 2), (12, 4), (9, 3)])

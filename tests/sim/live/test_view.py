@@ -10,7 +10,7 @@ from sim.live.messages import PaceSnapshot, PicturesSnapshot, PlanEvent, ScanSna
 from sim.live.view import LiveView
 from sim.robot import SimRobot
 from sim.scene import HOME_Q
-from tests.closed_form_tissue import SpringTissue
+from tests.sim.tissue.closed_form_tissue import SpringTissue
 
 
 class Viewer:

@@ -1,0 +1,220 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no types)
+"""The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the corner."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from breastscan.errors import ConfigError
+from breastscan.geometry import kinematics, se3
+from sim.cameras.picture import Picture
+from sim.scene import Scene
+from sim.tissue.contact import Mechanics
+
+CODEC = "vp09"
+"""The one codec that OpenCV's wheel writes and every browser plays."""
+FILM_SUPERSAMPLING, STILL_SUPERSAMPLING, FINE_SUPERSAMPLING = 1.5, 3.0, 1.5
+"""Drawn over delivered pixels, each way [-]; the fine renderer smooths edges by itself."""
+INSET_SHARE = 1 / 3
+"""Size of the close-up over that of the film [-]."""
+FONT, INK, SHADE = cv2.FONT_HERSHEY_DUPLEX, (245, 245, 245), 0.45
+MARGIN_PX, STRIP_PX = 14, 36
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A camera looking at a point."""
+
+    target_B: tuple[float, float, float]
+    """Point in the middle of the picture [m]."""
+    distance: float
+    """[m]"""
+    azimuth_deg: float
+    """Direction of the view about z, 90 looking along y [deg]."""
+    elevation_deg: float
+    """Negative when looking down [deg]."""
+
+    def camera(self) -> mujoco.MjvCamera:
+        """The same as MuJoCo's free camera."""
+        camera = mujoco.MjvCamera()
+        camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        camera.lookat[:] = self.target_B
+        camera.distance, camera.azimuth, camera.elevation = self.distance, self.azimuth_deg, self.elevation_deg
+        return camera
+
+
+OVERVIEW = View(target_B=(0.34, 0.02, 0.27), distance=1.5, azimuth_deg=128.0, elevation_deg=-18.0)
+CLOSE_UP = View(target_B=(0.50, 0.0, 0.125), distance=0.37, azimuth_deg=118.0, elevation_deg=-32.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoConfig:
+    """Size and pace of the film."""
+
+    width: int = 960
+    """[px]"""
+    height: int = 640
+    """[px]"""
+    fps: float = 12.0
+    """Frames per second of film [Hz]."""
+    speed_up: float = 2.0
+    """Scan time per film time [-]."""
+    fine: bool = False
+    """Whether `sim.cameras.filament` draws it; it must be usable."""
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height", "fps", "speed_up"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"{name} of the video must be positive, got {getattr(self, name)}", self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footage:
+    """What happened during a scan, one row a control period."""
+
+    time: Float[np.ndarray, "n"]
+    """Rising [s]."""
+    q: Float[np.ndarray, "n 6"]
+    """Joint angles [rad]."""
+    force: Float[np.ndarray, "n"]
+    """Contact force along the probe [N]."""
+    phase: Sequence[str]
+    """What the scan was doing."""
+
+
+def render_video(
+    scene: Scene,
+    tissue: Mechanics,
+    footage: Footage,
+    path: Path,
+    config: VideoConfig | None = None,
+    progress: Callable[[float, str], None] | None = None,
+) -> None:
+    """Write the film of a scan; `tissue` is pressed anew for every frame and left undeformed.
+
+    Args:
+        scene: Where it happened.
+        tissue: What the probe pressed.
+        footage: What happened.
+        path: File to write, ending in .mp4.
+        config: Size and pace.
+        progress: Told the share done (0 to 1) and what is being done.
+
+    Raises:
+        ConfigError: The file cannot be written, or no OpenGL is usable.
+    """
+    config = config or VideoConfig()
+    rows = _frame_rows(footage.time, config.speed_up / config.fps)
+    writer = _open_writer(path, config)
+    try:
+        for count, frame in enumerate(_frames(scene, tissue, footage, rows, config), start=1):
+            writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+            if progress is not None:
+                progress(count / len(rows), "rendering the video")
+    finally:
+        writer.release()
+    tissue.reset()
+
+
+def render_still(
+    scene: Scene,
+    tissue: Mechanics,
+    q: Float[np.ndarray, "6"],
+    view: View = OVERVIEW,
+    size_px: tuple[int, int] = (1280, 800),
+    *,
+    fine: bool = False,
+) -> UInt8[np.ndarray, "h w 3"]:
+    """One RGB picture of the arm at `q` [rad] with the skin pressed by its probe, finely drawn if `fine`."""
+    skin_S = pressed_skin(scene, tissue, q)
+    tissue.reset()
+    drawn_px = _scaled(size_px, FINE_SUPERSAMPLING if fine else STILL_SUPERSAMPLING)
+    with Picture(scene, *drawn_px, fine=fine) as picture:
+        return _shoot(picture, view, q, skin_S, size_px)
+
+
+def pressed_skin(
+    scene: Scene, tissue: Mechanics, q: Float[np.ndarray, "6"], time: float = 0.0
+) -> Float[np.ndarray, "n 3"]:
+    """The skin in S [m] as the probe of an arm at `q` [rad] deforms it at `time` [s]."""
+    X_SP = se3.inverse(scene.X_BS_at(time)) @ kinematics.forward(q) @ scene.X_FP
+    tissue.press(X_SP, np.zeros(3))
+    return tissue.deformed_skin()
+
+
+def _frame_rows(time: Float[np.ndarray, "n"], step: float) -> list[int]:
+    """Rows of the samples nearest after each frame's instant."""
+    return np.searchsorted(time, np.arange(time[0], time[-1], step)).tolist()
+
+
+def _frames(
+    scene: Scene, tissue: Mechanics, footage: Footage, rows: list[int], config: VideoConfig
+) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+    """RGB pictures of these rows, with close-up and caption."""
+    frame_px = (config.width, config.height)
+    inset_px = _scaled(frame_px, INSET_SHARE)
+    with (
+        Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine) as wide,
+        Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine) as near,
+    ):
+        for row in rows:
+            q, time = footage.q[row], float(footage.time[row])
+            skin_S = pressed_skin(scene, tissue, q, time)
+            frame = _shoot(wide, OVERVIEW, q, skin_S, frame_px, time)
+            _inset(frame, _shoot(near, CLOSE_UP, q, skin_S, inset_px, time))
+            _caption(frame, footage.time[row] - footage.time[0], footage.force[row], footage.phase[row], config)
+            yield frame
+
+
+def _open_writer(path: Path, config: VideoConfig) -> cv2.VideoWriter:
+    code = cv2.VideoWriter.fourcc(*CODEC)
+    writer = cv2.VideoWriter(str(path), code, config.fps, (config.width, config.height))
+    if not writer.isOpened():
+        raise ConfigError(f"OpenCV cannot write {path}: give a file in a folder that exists, ending in .mp4", path)
+    return writer
+
+
+def _scaled(size_px: tuple[int, int], factor: float) -> tuple[int, int]:
+    return round(size_px[0] * factor), round(size_px[1] * factor)
+
+
+def _shoot(
+    picture: Picture,
+    view: View,
+    q: Float[np.ndarray, "6"],
+    skin_S: Float[np.ndarray, "n 3"],
+    size_px: tuple[int, int],
+    time: float = 0.0,
+) -> UInt8[np.ndarray, "h w 3"]:
+    picture.arrange(q, skin_S, time)
+    return cv2.resize(picture.draw(view.camera()), size_px, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+
+
+def _inset(frame: UInt8[np.ndarray, "h w 3"], small: UInt8[np.ndarray, "h2 w2 3"]) -> None:
+    """Put the close-up, framed, into the lower left corner above the caption."""
+    height, width, _ = small.shape
+    top, left = frame.shape[0] - STRIP_PX - MARGIN_PX - height, MARGIN_PX
+    frame[top - 2 : top + height + 2, left - 2 : left + width + 2] = INK
+    frame[top : top + height, left : left + width] = small
+
+
+def _caption(frame: UInt8[np.ndarray, "h w 3"], time: float, force: float, phase: str, config: VideoConfig) -> None:
+    """One line of text on a shaded strip along the bottom."""
+    height, width, _ = frame.shape
+    strip = frame[height - STRIP_PX :]
+    strip[:] = (strip * SHADE).astype(np.uint8)
+    baseline = height - STRIP_PX // 3
+    texts = (
+        (f"{time:5.1f} s", 0.02),
+        (f"{max(force, 0.0):5.2f} N", 0.17),
+        (phase, 0.34),
+        (f"x{config.speed_up:g}", 0.94),
+    )
+    for text, share in texts:
+        cv2.putText(frame, text, (int(share * width), baseline), FONT, 0.55, INK, 1, cv2.LINE_AA)

@@ -1,0 +1,144 @@
+"""How far is each stage from the truth? The simulation knows the skin, so every error is told from every other.
+
+Reads what a scan made and what the twin logged; nothing here flows back into the scan.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from jaxtyping import Bool, Float, Int
+
+from breastscan.geometry import se3
+from breastscan.metrics import rms
+from breastscan.planning.pattern import Path
+from breastscan.scan import Reconstruction
+from breastscan.vision.camera import RectifiedPair, StereoRig
+from sim.tissue.contact import Mechanics
+from sim.truth import Truth
+from sim.truth_log import TruthLog
+
+STEADY_AFTER = 1.0
+"""Force is judged from this long after the loop starts [s]: until then the contact settles into the motion."""
+REPLAY_STEP = 10
+"""Every so many control periods the contact is solved again, to find its place on the skin (every .5 mm)."""
+PATH_SAMPLES = 1000
+"""Points at which the planned curve is held against the skin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactPlaces:
+    """Where the probe really touched, at some rows of the trajectory."""
+
+    rows: Int[np.ndarray, "k"]
+    """Indices into the trajectory."""
+    p_S: Float[np.ndarray, "k 3"]
+    """The touched point, mapped to the undeformed skin [m]."""
+    tilt: Float[np.ndarray, "k"]
+    """Angle of the probe axis against the true normal there [rad]."""
+
+
+def surface_metrics(
+    reconstruction: Reconstruction, rig: StereoRig, X_SL: Float[np.ndarray, "4 4"], truth: Truth
+) -> dict[str, float]:
+    """Reconstructed points and normals against the true skin.
+
+    Every point counts, also one where no skin is; the density is the share of the pixels seeing skin that the right
+    camera sees too, that have a point.
+    """
+    found = np.isfinite(reconstruction.points_L[..., 0])
+    error_mm = truth.distance(se3.transform(X_SL, reconstruction.points_L[found])) * 1e3
+    _, n_true_S = truth.closest(se3.transform(X_SL, reconstruction.sampled_L))
+    n_S = se3.rotate(X_SL, reconstruction.normals_L)
+    tilt_deg = np.degrees(se3.angle_between(n_S, n_true_S))
+    seen = seen_by_both(reconstruction.pair, rig, X_SL, truth)
+    return {
+        "surface_rmse_mm": rms(error_mm),
+        "surface_p95_mm": float(np.quantile(np.abs(error_mm), 0.95)),
+        "surface_density": float(found[seen].mean()),
+        "normal_mean_deg": float(tilt_deg.mean()),
+        "normal_p95_deg": float(np.quantile(tilt_deg, 0.95)),
+    }
+
+
+def seen_by_both(
+    pair: RectifiedPair, rig: StereoRig, X_SL: Float[np.ndarray, "4 4"], truth: Truth
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels of the rectified left view that see skin which the right camera sees too."""
+    height, width = pair.left.shape
+    (cx, cy), f = pair.centre_px, pair.focal_px
+    u, v = np.meshgrid((np.arange(width) - cx) / f, (np.arange(height) - cy) / f)
+    rays_V = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
+    hits_S = truth.cast(X_SL[:3, 3], rays_V @ (X_SL[:3, :3] @ pair.R_LV).T)
+    seen = np.isfinite(hits_S[:, 0])
+    right_S = (X_SL @ se3.inverse(rig.X_RL))[:3, 3]
+    seen[seen] = truth.visible(hits_S[seen], right_S)
+    return seen.reshape(height, width)
+
+
+def path_metrics(path: Path, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, float]:
+    """The planned curve against the true skin."""
+    points_B = path.curve.evaluate(np.linspace(0.0, 1.0, PATH_SAMPLES))
+    return {"path_surface_rmse_mm": rms(truth.distance(se3.transform(se3.inverse(X_BS), points_B)) * 1e3)}
+
+
+def with_truth(table: pl.DataFrame, log: TruthLog, places: ContactPlaces | None = None) -> pl.DataFrame:
+    """The trajectory with the true contact beside the measured one.
+
+    Returns:
+        The table with the columns true_force (along the probe axis, pressing is positive [N]), true_depth [m] and,
+        given `places`, true_tilt [rad] (NaN where there is no contact; interpolated between the places).
+    """
+    rows = matching_rows(table, log)
+    columns = {"true_force": log.force_axial[rows], "true_depth": log.depth[rows]}
+    if places is not None:
+        tilt = np.interp(np.arange(len(table)), places.rows, places.tilt)
+        columns["true_tilt"] = np.where(columns["true_force"] > 0, tilt, np.nan)
+    return table.with_columns(**{name: pl.Series(values) for name, values in columns.items()})
+
+
+def matching_rows(table: pl.DataFrame, log: TruthLog) -> Int[np.ndarray, "n"]:
+    """Rows of the truth at the trajectory's instants; both run on the robot's clock."""
+    rows = np.searchsorted(log.time, table["t"].to_numpy())
+    assert np.array_equal(log.time[rows], table["t"].to_numpy()), "the truth and the trajectory share one clock"
+    return rows
+
+
+def contact_places(table: pl.DataFrame, log: TruthLog, tissue: Mechanics, truth: Truth) -> ContactPlaces:
+    """Press the probe again where it was during the loop, and look up which point of the skin lies under its tip."""
+    on_loop = np.flatnonzero((table["phase"] == "loop").to_numpy())[::REPLAY_STEP]
+    X_SP = log.X_SP[matching_rows(table, log)[on_loop]]
+    points = []
+    for X in X_SP:
+        tissue.press(X, np.zeros(3))
+        points.append(truth.material_point(X[None, :3, 3])[0])
+    tissue.reset()
+    p_S = np.array(points)
+    _, n_S = truth.closest(p_S)
+    return ContactPlaces(rows=on_loop, p_S=p_S, tilt=se3.angle_between(-X_SP[:, :3, 2], n_S))
+
+
+def execution_metrics(places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, object]:
+    """The whole chain: touched points of the undeformed skin minus the true half-height loop, in B."""
+    loop_S = truth.half_height_loop()
+    nearest_S = loop_S[np.linalg.norm(places.p_S[:, None] - loop_S[None, ::4], axis=2).argmin(axis=1) * 4]
+    error_mm = se3.rotate(X_BS, places.p_S - nearest_S) * 1e3
+    return {
+        "executed_truth_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
+        "executed_truth_rms_mm": rms(np.linalg.norm(error_mm, axis=1)),
+        "normal_tilt_mean_deg": float(np.degrees(places.tilt.mean())),
+    }
+
+
+def force_metrics(table: pl.DataFrame, set_point: float) -> dict[str, float]:
+    """True contact force along the probe axis, over the loop from `STEADY_AFTER` on; contact over the whole loop."""
+    loop = table.filter(pl.col("phase") == "loop")
+    force = loop["true_force"].to_numpy()
+    steady = force[loop["t"].to_numpy() - loop["t"][0] >= STEADY_AFTER]
+    return {
+        "force_rmse_n": rms(steady - set_point),
+        "force_peak_n": float(steady.max()),
+        "force_min_n": float(steady.min()),
+        "contact_fraction": float((force > 0).mean()),
+        "indentation_max_mm": float(table["true_depth"].to_numpy().max() * 1e3),
+    }
