@@ -42,7 +42,7 @@ def twin_imports() -> Iterator[None]:
     try:
         yield
     except (AttributeError, ImportError, OSError, RuntimeError) as error:
-        from breastscan.doctor import GL_PACKAGES
+        from breastscan.commands.doctor import GL_PACKAGES
 
         raise ConfigError(
             f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')} ({error}): set it to egl; "
@@ -56,7 +56,7 @@ def _scan() -> Callable:
     from breastscan.scan import ScanConfig
 
     with twin_imports():
-        from experiments import scan_twin
+        from breastscan.commands import scan_twin
         from sim.scene import SceneConfig
 
     def scan(
@@ -99,7 +99,7 @@ def _scan() -> Callable:
                 out, seed=seed, video=video, fine=fine, config=plan, scene_config=scene, console=console, rig=rig
             )
         else:
-            from experiments import scan_cell
+            from breastscan.commands import scan_cell
 
             options = scan_cell.CellScan(
                 robot=robot, camera=camera, calibration=calibration, rig=rig, dry_run=dry_run, consent=yes, link=link
@@ -120,7 +120,7 @@ def _view() -> Callable:
     from breastscan.scan import ScanConfig
 
     with twin_imports():
-        from experiments import view_twin
+        from breastscan.commands import view_twin
         from sim.live.launch import LiveConfig
         from sim.scene import SceneConfig
 
@@ -148,7 +148,7 @@ def _view() -> Callable:
 
 
 def _reconstruct() -> Callable:
-    from breastscan import reconstruct as module
+    from breastscan.commands import reconstruct as module
     from breastscan.scan import ScanConfig
 
     def reconstruct(
@@ -176,7 +176,7 @@ def _reconstruct() -> Callable:
 
 
 def _calibrate() -> Callable:
-    from breastscan import calibrate as module
+    from breastscan.commands import calibrate as module
     from breastscan.vision.boards.board import Board
 
     def calibrate(
@@ -199,7 +199,7 @@ def _calibrate() -> Callable:
         _need_one_source(shots, twin)
         if shots is None:
             with twin_imports():
-                from experiments import calibrate_twin
+                from breastscan.commands import calibrate_twin
             metrics = calibrate_twin.run(out, seed=seed, board=board, config=calibrate_twin.ShotConfig())
         else:
             metrics = module.calibrate_rig(shots, out, board)
@@ -210,7 +210,7 @@ def _calibrate() -> Callable:
 
 
 def _handeye() -> Callable:
-    from breastscan import calibrate as module
+    from breastscan.commands import calibrate as module
     from breastscan.vision.boards.board import Board
     from breastscan.vision.camera import StereoRig
 
@@ -238,7 +238,7 @@ def _handeye() -> Callable:
         cameras = StereoRig.load(rig)
         if shots is None:
             with twin_imports():
-                from experiments import handeye_twin
+                from breastscan.commands import handeye_twin
             metrics = handeye_twin.run(out, rig=cameras, seed=seed, board=board, config=handeye_twin.PoseConfig())
         else:
             metrics = module.calibrate_hand_eye(shots, out, cameras, board)
@@ -259,7 +259,7 @@ def _print_metrics(metrics: dict[str, object]) -> None:
 
 
 def _plan() -> Callable:
-    from breastscan import plan as module
+    from breastscan.commands import plan as module
 
     def plan(
         source: tyro.conf.Positional[Path],
@@ -292,7 +292,7 @@ def _plan() -> Callable:
 
 
 def _compare() -> Callable:
-    from breastscan import compare as module
+    from breastscan.commands import compare as module
 
     def compare(
         first: tyro.conf.Positional[Path], second: tyro.conf.Positional[Path], /, out: Out = Path("out/compare")
@@ -345,7 +345,7 @@ def _study() -> Callable:
 
 def _twin() -> Callable:
     with twin_imports():
-        from experiments import scan_twin
+        from breastscan.commands import scan_twin
         from sim.controller.config import ControllerConfig
         from sim.controller.serve import serve
         from sim.scene import SceneConfig
@@ -375,7 +375,7 @@ def _twin() -> Callable:
 
 
 def _doctor() -> Callable:
-    from breastscan import doctor as module
+    from breastscan.commands import doctor as module
 
     def doctor() -> None:
         """Say what works on this machine and how to mend what does not."""

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from breastscan import execution
+from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
@@ -23,7 +24,7 @@ from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
-from breastscan.robot.interface import Robot, StereoCamera, StereoPair
+from breastscan.robot.interface import Robot
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching import pair_check

@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from breastscan.errors import RobotError
-from breastscan.metrics import rms
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
+from breastscan.run.metrics import rms
 from sim.controller.faults import TwinControl
 from sim.error_analysis import STEADY_AFTER
 from sim.scene import Scene

@@ -9,7 +9,6 @@ import polars as pl
 import scipy.signal
 from jaxtyping import Float
 
-from breastscan import record
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.control.phases import Phase
@@ -17,8 +16,9 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
 from breastscan.execution import MotionLog, ScanMotion, execute, lifted_joints
 from breastscan.geometry import se3
-from breastscan.metrics import rms
-from breastscan.report.trajectory import Trajectory
+from breastscan.run import writing
+from breastscan.run.columns import Trajectory
+from breastscan.run.metrics import rms
 from experiments import sections
 from experiments.bench_twin import true_loop_motion
 from sim import error_analysis
@@ -165,7 +165,7 @@ def run(cell: Cell) -> Outcome:
             execute(robot, motion, config, SafetyLimits(), log=log)
         except BreastScanError as error:
             ended = str(error)
-    table = record.trajectory(log, motion, scene.X_FP, scene.calibration)
+    table = writing.trajectory(log, motion, scene.X_FP, scene.calibration)
     truth = robot.truth_log()
     places = error_analysis.contact_places(table, truth, tissue, ground().truth) if cell.whole_loop else None
     return _judged(cell, ended, error_analysis.with_truth(table, truth, places))

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import UInt8
 from matplotlib.figure import Figure
 
-from breastscan import record
 from breastscan.geometry import kinematics, se3
 from breastscan.report import theme
+from breastscan.run import writing
 from experiments.indentation import DEPTHS, FINEST, REST, Indentation, pose
 from experiments.tissue_cost import LONGEST_RIPPLE, SLIDE_DEPTH, Slide
 from sim.cameras.picture import Picture
@@ -57,7 +57,7 @@ def write(
     }
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
-    record.write_image(folder / "twin_phantoms.png", cv2.cvtColor(_sheet(), cv2.COLOR_RGB2BGR))
+    writing.write_image(folder / "twin_phantoms.png", cv2.cvtColor(_sheet(), cv2.COLOR_RGB2BGR))
     return [*figures, "twin_phantoms"]
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 
-from breastscan import record
+from breastscan.commands.scan_twin import seeded
 from breastscan.geometry import se3
+from breastscan.run import writing
 from breastscan.scan import ScanConfig, Stages, perceive
 from experiments import bench_camera, camera_projection
-from experiments.scan_twin import seeded
 from sim import error_analysis
 from sim.cameras import filament
 from sim.cameras.camera import SimStereoCamera
@@ -56,14 +56,14 @@ def run(out: Path, *, seed: int) -> dict[str, float]:
     """
     scene = Scene(seeded(SceneConfig(), seed))
     tissue = SoftTissue.build(scene.phantom)
-    with record.staged(out) as staging:
+    with writing.staged(out) as staging:
         values = _projection(scene, seed) | _draw_errors(staging / "twin_camera_errors.png", scene, seed)
         values |= _reconstructions(staging / "twin_camera_classes.png", scene, tissue)
         values |= {what: own for what, own, *_ in bench_camera.rows()}
         _draw_stills(staging / "twin_camera_still.png", scene, tissue)
         rows = [f"| {name} | {value:.4g} |" for name, value in values.items()]
         (staging / "study.md").write_text("\n".join(["| what | value |", "|---|---|", *rows]) + "\n", encoding="utf-8")
-        record.write_json(staging / "study.json", {"seed": seed, "values": values, "versions": record.versions()})
+        writing.write_json(staging / "study.json", {"seed": seed, "values": values, "versions": writing.versions()})
     return values
 
 
@@ -157,7 +157,7 @@ def _reconstructions(path: Path, scene: Scene, tissue: SoftTissue) -> dict[str, 
         surface = error_analysis.surface_metrics(result, scene.rig, X_SL, truth)
         values |= {f"{quality}_{name}": value for name, value in surface.items()}
         crops.append(_crop(pair.left, quality))
-    record.write_image(path, np.hstack(crops))
+    writing.write_image(path, np.hstack(crops))
     return values
 
 
@@ -176,4 +176,4 @@ def _draw_stills(path: Path, scene: Scene, tissue: SoftTissue) -> None:
     stills = [render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX)]
     if filament.unusable() is None:
         stills.append(render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX, fine=True))
-    record.write_image(path, cv2.cvtColor(np.hstack(stills), cv2.COLOR_RGB2BGR))
+    writing.write_image(path, cv2.cvtColor(np.hstack(stills), cv2.COLOR_RGB2BGR))

@@ -17,10 +17,10 @@ import tyro
 from rich.progress import track
 from scipy.stats import qmc
 
-from breastscan import record
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.errors import ConfigError
+from breastscan.run import writing
 from experiments import force_cell, force_figures
 from experiments.force_cell import Cell, Outcome
 from sim.wrist.wrench_errors import Quality
@@ -126,13 +126,13 @@ def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
     """
     study = study or ForceStudy()
     force_cell.run(Cell(law=DEFAULT, mass_ratio=4.0))  # what is computed once and kept, before two processes need it
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         result = _result(study, seed, _parallel(study.jobs))
         figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT])
         page = [*_page(result, study), *(f"![{caption}]({name})" for name, caption in figures.items())]
         (folder / "study.md").write_text("\n".join(page) + "\n", encoding="utf-8")
-        settings = {"seed": seed, "study": study, "versions": record.versions()}
-        record.write_json(folder / "study.json", settings | {"outcomes": _plain(result)})
+        settings = {"seed": seed, "study": study, "versions": writing.versions()}
+        writing.write_json(folder / "study.json", settings | {"outcomes": _plain(result)})
     return result
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from breastscan import record
+from breastscan.run import writing
 from experiments import joint_study_figures, joint_walks
 from experiments.joint_walks import LIMITS, MOUNTS_DEG, SPINS, Walk
 from sim.scene import PERIOD
@@ -25,11 +25,11 @@ def run(out: Path, *, seed: int) -> list[Walk]:
         seed: Of the phantom's shape.
     """
     loops = list(joint_walks.loops(seed))
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         walks = [joint_walks.walk(loop, mount, spin) for loop, spin, mount in product(loops, SPINS, MOUNTS_DEG)]
         fluctuations = joint_walks.fluctuations(loops)
         figures = joint_study_figures.write(folder, walks)
-        record.write_json(
+        writing.write_json(
             folder / "study.json",
             {
                 "seed": seed,
@@ -37,7 +37,7 @@ def run(out: Path, *, seed: int) -> list[Walk]:
                 "limits": LIMITS,
                 "walks": [summary(walk) for walk in walks],
                 "fluctuations": fluctuations,
-                "versions": record.versions(),
+                "versions": writing.versions(),
             },
         )
         (folder / "study.md").write_text("\n".join(_page(walks, fluctuations, figures)) + "\n", encoding="utf-8")

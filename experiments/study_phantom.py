@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from breastscan import metrics, record
+from breastscan.run import metrics, writing
 from experiments import phantom_figures, tissue_cost
 from experiments.indentation import DEPTHS, FINEST, SET_POINT, Indentation, against_full, axial_force, pose
 from experiments.tissue_cost import FINER, HEIGHTS, LONGEST_RIPPLE, SLIDE_DEPTH, SPINS_DEG, Build, Slide
@@ -64,7 +64,7 @@ def run(out: Path, *, seed: int) -> Study:
     """
     phantom = Phantom(PhantomConfig(seed=seed))
     soft = SoftTissue.build(phantom)
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         study = Study(
             presses={f"{breast}, {np.degrees(place):.0f}°": _pressed(breast, place, seed) for breast, place in PLACES},
             layered=_over_the_mass(seed),
@@ -80,7 +80,7 @@ def run(out: Path, *, seed: int) -> Study:
         figures = phantom_figures.write(
             folder, study.presses, {"MuJoCo's solid (flex)": study.flex}, study.slides, _layered_slides(seed)
         )
-        record.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": record.versions()})
+        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()})
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 

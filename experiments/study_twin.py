@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from breastscan import record
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.execution import ScanMotion, execute
+from breastscan.run import writing
 from experiments import arm_accuracy, free_swing, servo_response, twin_figures, wrist_readings
 from experiments.arm_accuracy import Accuracy
 from experiments.bench_twin import true_loop_motion
@@ -55,7 +55,7 @@ def run(out: Path, *, seed: int) -> Study:
     scene = Scene(SceneConfig(wrist=WrenchSensorConfig(seed=seed)))
     tissue = SoftTissue.build(scene.phantom)
     motion = true_loop_motion(scene, tissue, SimRobot(scene, tissue))
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         study = Study(
             responses=servo_response.sweep(),
             swings={
@@ -71,7 +71,7 @@ def run(out: Path, *, seed: int) -> Study:
             repeated=_repeated(scene, motion),
         )
         figures = twin_figures.write(folder, study.responses, study.swings, study.arms, study.sensors)
-        record.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": record.versions()})
+        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()})
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 

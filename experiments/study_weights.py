@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
 
-from breastscan import record
 from breastscan.geometry.nurbs import Nurbs
+from breastscan.run import writing
 
 POINTS, VERTEX = 12, 3
 WEIGHTS = (0.2, 1.0, 5.0)
@@ -42,7 +42,7 @@ def run(out: Path, *, seed: int) -> dict[float, float]:
         for weight, curve in pulled.items()
     }
     missed = {weight: _largest_miss(curve, points) for weight, curve in curves.items()}
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         _draw(folder / "weights.png", points, pulled, curves, u)
         rows = [f"| {w:g} | {moved[w] * 1e3:.2f} | {missed[w] * 1e3:.1e} |" for w in WEIGHTS]
         head = [
@@ -51,7 +51,7 @@ def run(out: Path, *, seed: int) -> dict[float, float]:
         ]
         (folder / "study.md").write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
         values = [{"weight": w, "moved_mm": moved[w] * 1e3, "missed_mm": missed[w] * 1e3} for w in WEIGHTS]
-        record.write_json(folder / "study.json", {"seed": seed, "weights": values, "versions": record.versions()})
+        writing.write_json(folder / "study.json", {"seed": seed, "weights": values, "versions": writing.versions()})
     return moved
 
 

@@ -19,9 +19,9 @@ from rich.table import Table
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from breastscan import record
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LAWS
+from breastscan.run import writing
 from experiments.reduced_contact import SENSORS, Plant, breathing, ramped, run, together, waviness
 
 EVALUATIONS = 128
@@ -186,7 +186,7 @@ def main(out: Path = Path("out/tune_force")) -> None:
     table.add_row("mean over its bar, tuning seed", *(f"{least:.3f}" for _, least in tuned.values()))
     console.print(table)
     out.mkdir(parents=True, exist_ok=True)
-    record.write_json(out / "gains.json", {law: values for law, (values, _) in tuned.items()})
+    writing.write_json(out / "gains.json", {law: values for law, (values, _) in tuned.items()})
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import tyro
 
-from breastscan import record
 from breastscan.camera.grey import read_grey
-from breastscan.robot.interface import StereoPair
+from breastscan.camera.interface import StereoPair
+from breastscan.commands.scan_twin import seeded
+from breastscan.run import writing
 from breastscan.scan import Reconstruction, ScanConfig, Stages, perceive
-from experiments.scan_twin import seeded
 from sim.scene import Scene, SceneConfig
 
 LINES = 12
@@ -41,9 +41,9 @@ def main(run: Path, out: Path, seed: int = 0) -> None:
     """
     images = StereoPair(left=read_grey(run / "left.png"), right=read_grey(run / "right.png"), time=0.0)
     result = perceive(images, Scene(seeded(SceneConfig(), seed)).rig, ScanConfig(), Stages())
-    record.write_image(out / "vision_rectified.png", _rectified(result))
-    record.write_image(out / "vision_disparity.png", _disparity(result))
-    record.write_image(out / "vision_cloud.png", _cloud(result))
+    writing.write_image(out / "vision_rectified.png", _rectified(result))
+    writing.write_image(out / "vision_disparity.png", _disparity(result))
+    writing.write_image(out / "vision_cloud.png", _cloud(result))
 
 
 def _rectified(result: Reconstruction) -> np.ndarray:
@@ -59,7 +59,7 @@ def _disparity(result: Reconstruction) -> np.ndarray:
     y, x = (np.flatnonzero(result.breast.mask.any(axis=axis)) for axis in (1, 0))
     rows = slice(max(y[0] - AROUND_PX, 0), y[-1] + AROUND_PX)
     columns = slice(max(x[0] - AROUND_PX, 0), x[-1] + AROUND_PX)
-    return record.disparity_picture(result.disparity[rows, columns])
+    return writing.disparity_picture(result.disparity[rows, columns])
 
 
 def _cloud(result: Reconstruction) -> np.ndarray:

@@ -10,8 +10,8 @@ import polars as pl
 from jaxtyping import Bool, Float, Int
 
 from breastscan.geometry import se3
-from breastscan.metrics import rms
 from breastscan.planning.pattern import Path
+from breastscan.run.metrics import rms
 from breastscan.scan import Reconstruction
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from sim.tissue.contact import Mechanics

@@ -5,13 +5,14 @@ import signal
 import numpy as np
 import pytest
 
-from breastscan import execution, record
+from breastscan import execution
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import PlanningError, RobotError, SafetyError
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.run import writing
 from tests.springs import PERIOD, X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -50,7 +51,7 @@ def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
         error = caught
-    return robot, record.trajectory(log, motion, robot.X_FP, robot.calibration), error
+    return robot, writing.trajectory(log, motion, robot.X_FP, robot.calibration), error
 
 
 def phases_of(table):
@@ -173,7 +174,7 @@ def test_skin_that_falls_away_is_searched_for_and_found(motion):
 
     robot.servo_joint = falling
     execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
-    table = record.trajectory(log, motion, robot.X_FP, robot.calibration)
+    table = writing.trajectory(log, motion, robot.X_FP, robot.calibration)
     assert "search" in phases_of(table)
     assert phases_of(table)[-3:] == ["loop", "lift", "retreat"]
     assert np.abs(loop_force(table)[-60:] - 5.0).max() < 0.1

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from breastscan.camera.folder import FolderCamera
 from breastscan.camera.genicam import GenicamCamera, load_producer
+from breastscan.camera.interface import StereoCamera
 from breastscan.camera.video import VideoCamera
 from breastscan.errors import ConfigError
-from breastscan.robot.interface import StereoCamera
 
 FORMS = "folder:DIR, devices:LEFT,RIGHT (numbers, as devices:0,1) or genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT]"
 

@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 from breastscan.camera.grey import SUFFIXES, read_grey
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import PerceptionError
-from breastscan.robot.interface import StereoPair
 
 SIDES = ("left", "right")
 SECONDS = re.compile(r"\d+\.\d+")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.robot.interface import StereoPair
 
 TIMEOUT = 3.0
 """Longest wait for a picture after its trigger [s]."""

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.robot.interface import StereoPair
 
 MAX_SKEW = 0.01
 """Most time between the two pictures of a pair [s]: a breathing skin moves at 10 mm/s, which makes .1 mm of it."""

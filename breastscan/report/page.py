@@ -4,7 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from breastscan.report import cloud_view, sections
-from breastscan.report.run import Run
+from breastscan.run.reading import Run
 
 REPORT_FILE = "report.html"
 

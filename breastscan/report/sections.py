@@ -8,7 +8,7 @@ from jaxtyping import Float
 from breastscan.report import catalogue, cloud_view, contact_figures, html, joint_figures, path_figures, time_figures
 from breastscan.report import settings as run_settings
 from breastscan.report.paper import compare_table4
-from breastscan.report.run import VIDEO_FILE, Run
+from breastscan.run.reading import VIDEO_FILE, Run
 
 HEADLINES = {
     "surface_rmse_mm": "surface error, RMS",

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from breastscan.report.trajectory import Span
+from breastscan.run.columns import Span
 
 INK = "#1c2430"
 MUTED = "#667085"

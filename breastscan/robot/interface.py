@@ -1,14 +1,13 @@
-"""What a robot and a stereo camera must offer, be they simulated, recorded or real.
+"""What a robot must offer, be it simulated, recorded or real.
 
-The twin (`sim.robot`, `sim.cameras.camera`) and the hardware implement these protocols; nothing in
-`breastscan` knows which of them it drives.
+The twin and the hardware implement this protocol; nothing in `breastscan` knows which of them it drives.
 """
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
@@ -94,28 +93,4 @@ class Robot(Protocol):
 
     def stop(self) -> None:
         """Come to rest as fast as is gentle, and stay there."""
-        ...
-
-
-@dataclass(frozen=True, kw_only=True)
-class StereoPair:
-    """Two grey images taken at the same instant, as the sensors saw them (distorted, not rectified)."""
-
-    left: UInt8[np.ndarray, "h w"]
-    right: UInt8[np.ndarray, "h2 w2"]
-    """Of the same size, or rectification refuses the pair."""
-    time: float
-    """Clock of the camera [s]."""
-
-
-@runtime_checkable
-class StereoCamera(Protocol):
-    """Two synchronised cameras."""
-
-    def capture(self) -> StereoPair:
-        """Take one pair.
-
-        Raises:
-            PerceptionError: No pair could be taken.
-        """
         ...

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan.robot.interface import StereoPair
+from breastscan.camera.interface import StereoPair
 from sim.cameras.camera_errors import CameraConfig
 from sim.cameras.lens import Lens, binned, canvases
 from sim.cameras.picture import Picture

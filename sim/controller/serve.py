@@ -12,7 +12,7 @@ from pathlib import Path
 
 import polars as pl
 
-from breastscan import record
+from breastscan.run import writing
 from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
@@ -60,7 +60,7 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     with _told_to_end() as ended:
         server.serve(ended)
     if out is not None:
-        with record.staged(out) as folder:
+        with writing.staged(out) as folder:
             truth_table(robot.truth_log()).write_parquet(folder / "truth.parquet")
         tell(f"The truth: {out / 'truth.parquet'}")
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from breastscan.camera.folder import FolderCamera
+from breastscan.camera.interface import StereoCamera
 from breastscan.errors import PerceptionError
-from breastscan.robot.interface import StereoCamera
 
 
 def picture(path, shade):

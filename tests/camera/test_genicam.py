@@ -8,8 +8,8 @@ import pytest
 
 from breastscan.camera import genicam as genicam_camera
 from breastscan.camera.genicam import GenicamCamera, load_producer
+from breastscan.camera.interface import StereoCamera
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.robot.interface import StereoCamera
 
 
 class Buffer:

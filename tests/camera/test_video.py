@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from breastscan.camera.interface import StereoCamera
 from breastscan.camera.video import MAX_SKEW, VideoCamera
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.robot.interface import StereoCamera
 
 SHADE = 4
 """Grey levels from one picture to the next."""

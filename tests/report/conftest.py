@@ -2,7 +2,7 @@
 
 import pytest
 
-from breastscan.report.run import Run
+from breastscan.run.reading import Run
 from tests.report.synthetic_run import write_run
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from breastscan.report import cloud_view, contact_figures, joint_figures, path_figures, theme, time_figures
-from breastscan.report.trajectory import Trajectory
+from breastscan.run.columns import Trajectory
 from tests.report.synthetic_run import INDENTATION, SET_POINT, write_run
 
 

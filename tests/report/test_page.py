@@ -9,9 +9,9 @@ import pytest
 
 from breastscan.errors import ConfigError
 from breastscan.report import write
-from breastscan.report.run import REQUIRED_FILES
 from breastscan.report.settings import force_set_point
 from breastscan.report.theme import CSS_VARIABLES
+from breastscan.run.reading import REQUIRED_FILES
 from tests.report.synthetic_run import CONFIG, write_run
 
 VOID_ELEMENTS = {"meta", "img", "br", "link", "input"}

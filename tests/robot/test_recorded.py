@@ -6,13 +6,14 @@ import numpy as np
 import polars as pl
 import pytest
 
-from breastscan import execution, record
+from breastscan import execution
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, RobotError
 from breastscan.execution import MotionLog
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.recorded import COLUMNS, RecordedRobot
+from breastscan.run import writing
 from sim.robot import SimRobot
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
@@ -111,7 +112,7 @@ def scanned(scene, tmp_path_factory):
     robot = SimRobot(scene, tissue, motion.q_home)
     log = execution.execute(robot, motion, FORCE, SafetyLimits())
     folder = tmp_path_factory.mktemp("run")
-    record.trajectory(log, motion, robot.X_FP, robot.calibration).write_parquet(folder / "trajectory.parquet")
+    writing.trajectory(log, motion, robot.X_FP, robot.calibration).write_parquet(folder / "trajectory.parquet")
     return motion, folder
 
 

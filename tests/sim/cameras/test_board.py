@@ -3,11 +3,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from breastscan.commands.calibrate_twin import ShotConfig, board_poses
+from breastscan.commands.handeye_twin import CLEARANCE, PoseConfig, joint_poses
 from breastscan.geometry import kinematics, se3
 from breastscan.vision.boards.board import Board, find_shot
 from breastscan.vision.boards.bundle import reprojection
-from experiments.calibrate_twin import ShotConfig, board_poses
-from experiments.handeye_twin import CLEARANCE, PoseConfig, joint_poses
 from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
 from sim.cameras.camera import SimStereoCamera
 from sim.room.clearance import Clearance

@@ -12,9 +12,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from breastscan import calibrate, record, shots
+from breastscan.commands import calibrate, shots
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
+from breastscan.run import writing
 from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
 from sim.cameras.board import BoardScene, seen_by_both
@@ -68,12 +69,12 @@ def run(out: Path, *, seed: int, board: Board, config: ShotConfig) -> dict[str, 
     Returns:
         The metrics, as in `metrics.json`.
     """
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         scene = BoardScene(SceneConfig(camera=replace(config.camera, seed=seed)), board, held=False)
         render_shots(folder, scene, board_poses(scene.rig, board, config, np.random.default_rng(seed)))
         calibration = calibrate.rig_from_shots(folder, folder, board)
         metrics = calibrate.rig_metrics(calibration) | rig_errors(calibration.rig, scene.rig)
-        record.write_json(folder / calibrate.METRICS_FILE, metrics)
+        writing.write_json(folder / calibrate.METRICS_FILE, metrics)
     return metrics
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from breastscan.planning.feedrate import Feed
-from breastscan.report.trajectory import Trajectory
+from breastscan.run.columns import Trajectory
 
 
 def of_execution(table: pl.DataFrame, feed: Feed, execution_wall: float) -> dict[str, object]:

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from breastscan import calibrate, cli, shots
+from breastscan import cli
+from breastscan.camera.interface import StereoPair
+from breastscan.commands import calibrate, shots
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
-from breastscan.robot.interface import StereoPair
 from breastscan.vision.camera import StereoRig
 from tests.vision.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from breastscan import calibrate, record, shots
+from breastscan.commands import calibrate, shots
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
+from breastscan.run import writing
 from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import StereoRig
 from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
@@ -77,13 +78,13 @@ def run(out: Path, *, rig: StereoRig, seed: int, board: Board, config: PoseConfi
     Returns:
         The metrics, as in `metrics.json`.
     """
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         rng = np.random.default_rng(seed)
         scene = BoardScene(SceneConfig(camera=replace(config.camera, seed=seed)), board, held=True)
         take_shots(folder, scene, joint_poses(scene, board, config, rng), config, rng)
         result = calibrate.hand_eye_from_shots(folder, folder, rig, board)
         metrics = calibrate.hand_eye_metrics(result) | rig_errors(result.rig, scene.rig)
-        record.write_json(folder / calibrate.METRICS_FILE, metrics)
+        writing.write_json(folder / calibrate.METRICS_FILE, metrics)
     return metrics
 
 

@@ -10,15 +10,15 @@ import polars as pl
 import pytest
 import trimesh
 
-from breastscan import record
 from breastscan.errors import ConfigError, SafetyError
+from breastscan.run import writing
 
 
 def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
     out = tmp_path / "run"
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         (folder / "metrics.json").write_text("first")
-    with pytest.raises(RuntimeError), record.staged(out) as folder:
+    with pytest.raises(RuntimeError), writing.staged(out) as folder:
         (folder / "metrics.json").write_text("half")
         raise RuntimeError
     assert (out / "metrics.json").read_text() == "first"
@@ -26,7 +26,7 @@ def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
 
 
 def test_an_interrupt_leaves_no_scrap(tmp_path):
-    with pytest.raises(KeyboardInterrupt), record.staged(tmp_path) as folder:
+    with pytest.raises(KeyboardInterrupt), writing.staged(tmp_path) as folder:
         (folder / "left.png").write_text("half")
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
@@ -34,29 +34,29 @@ def test_an_interrupt_leaves_no_scrap(tmp_path):
 
 def test_an_output_folder_that_is_a_file_is_refused_before_any_work(tmp_path):
     (tmp_path / "taken").write_text("a file")
-    with pytest.raises(ConfigError, match="--out"), record.staged(tmp_path / "taken"):
+    with pytest.raises(ConfigError, match="--out"), writing.staged(tmp_path / "taken"):
         pytest.fail("the work must not start")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_read_only_output_folder_is_refused(tmp_path):
     tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    with pytest.raises(ConfigError, match="--out"), record.staged(tmp_path / "run"):
+    with pytest.raises(ConfigError, match="--out"), writing.staged(tmp_path / "run"):
         pytest.fail("the work must not start")
 
 
 def test_json_is_strict_and_takes_arrays(tmp_path):
-    record.write_json(tmp_path / "m.json", {"a": np.arange(3.0), "b": np.float32(1.5), "c": tmp_path})
+    writing.write_json(tmp_path / "m.json", {"a": np.arange(3.0), "b": np.float32(1.5), "c": tmp_path})
     assert json.loads((tmp_path / "m.json").read_text())["a"] == [0.0, 1.0, 2.0]
     with pytest.raises(ValueError, match="JSON"):
-        record.write_json(tmp_path / "m.json", {"a": float("nan")})
+        writing.write_json(tmp_path / "m.json", {"a": float("nan")})
 
 
 def test_the_cloud_is_read_back_with_points_and_normals(tmp_path):
     rng = np.random.default_rng(0)
     points, normals = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    record.write_cloud(tmp_path / "cloud.ply", points, normals)
+    writing.write_cloud(tmp_path / "cloud.ply", points, normals)
     cloud = trimesh.load(tmp_path / "cloud.ply")
     np.testing.assert_allclose(cloud.vertices, points, atol=1e-6)
     header = (tmp_path / "cloud.ply").read_bytes()[:400]
@@ -65,7 +65,7 @@ def test_the_cloud_is_read_back_with_points_and_normals(tmp_path):
 
 def test_the_path_is_read_back_to_a_tenth_of_a_micrometre(tmp_path):
     points = np.random.default_rng(1).normal(size=(15, 3))
-    record.write_path(tmp_path / "path.csv", points, points)
+    writing.write_path(tmp_path / "path.csv", points, points)
     table = pl.read_csv(tmp_path / "path.csv")
     assert table.columns == ["x_m", "y_m", "z_m", "nx", "ny", "nz"]
     np.testing.assert_allclose(table.to_numpy()[:, :3], points, atol=1e-7)
@@ -74,23 +74,23 @@ def test_the_path_is_read_back_to_a_tenth_of_a_micrometre(tmp_path):
 def test_the_disparity_picture_is_black_exactly_where_nothing_is_known(tmp_path):
     disparity = np.linspace(100, 140, 600, dtype=np.float32).reshape(20, 30)
     disparity[5:9, 5:9] = np.nan
-    record.write_image(tmp_path / "disparity.png", record.disparity_picture(disparity))
+    writing.write_image(tmp_path / "disparity.png", writing.disparity_picture(disparity))
     picture = cv2.imread(str(tmp_path / "disparity.png"))
     np.testing.assert_array_equal((picture == 0).all(axis=2), np.isnan(disparity))
-    assert not record.disparity_picture(np.full((4, 4), np.nan, np.float32)).any()
+    assert not writing.disparity_picture(np.full((4, 4), np.nan, np.float32)).any()
 
 
 def test_what_a_scan_measured_before_it_was_cut_off_lies_beside_the_earlier_results_until_the_next_good_scan(tmp_path):
-    with record.staged(tmp_path) as folder:
+    with writing.staged(tmp_path) as folder:
         (folder / "metrics.json").write_text("first")
     table = pl.DataFrame({"t": [0.0, 0.002, 0.004], "s": [np.nan, 0.010, 0.012]})
-    folder = record.write_aborted(tmp_path, table, SafetyError("contact force 10.2 N is above the limit", 10.2))
+    folder = writing.write_aborted(tmp_path, table, SafetyError("contact force 10.2 N is above the limit", 10.2))
     told = json.loads((folder / "abort.json").read_text())
     assert (tmp_path / "metrics.json").read_text() == "first"
     assert pl.read_parquet(folder / "trajectory.parquet").equals(table)
     assert told["error"] == "SafetyError"
     assert told["message"] == "contact force 10.2 N is above the limit"
     assert told["path_reached_m"] == 0.012
-    with record.staged(tmp_path):
+    with writing.staged(tmp_path):
         pass
     assert not folder.exists()

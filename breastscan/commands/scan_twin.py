@@ -9,10 +9,11 @@ from typing import Any, Protocol, runtime_checkable
 import polars as pl
 from rich.console import Console
 
-from breastscan import metrics, record, run_folder
+from breastscan.commands import run_folder
+from breastscan.commands.run_folder import Measured
 from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import se3
-from breastscan.run_folder import Measured
+from breastscan.run import metrics, writing
 from breastscan.scan import ScanConfig, ScanPlan, ScanResult, Stages, scan
 from breastscan.vision.camera import StereoRig
 from sim import error_analysis
@@ -69,7 +70,7 @@ def run(
         The metrics, as in `metrics.json`.
     """
     estimated = None if rig is None else StereoRig.load(rig)
-    with record.staged(out) as folder, run_folder.progress_bars(console) as listener:
+    with writing.staged(out) as folder, run_folder.progress_bars(console) as listener:
         stages = Stages(listener)
         scene_config = seeded(scene_config, seed)
         scene, tissue = build_world(scene_config, stages)
@@ -130,14 +131,14 @@ def measure(
 
     def keep(motion: ScanMotion, log: MotionLog, error: BaseException) -> None:
         if log.rows:
-            aborted(record.trajectory(log, motion, robot.X_FP, robot.calibration), error)
+            aborted(writing.trajectory(log, motion, robot.X_FP, robot.calibration), error)
 
     with stages.stage("cameras"):
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
         on_plan = onlooker.planned if onlooker is not None else lambda plan: None
         result = scan(robot, camera, rig, config, stages, Clearance(scene, with_chest=False), on_plan, keep)
-    table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
+    table = writing.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
         places = error_analysis.contact_places(table, log, tissue, truth)

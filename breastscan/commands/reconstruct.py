@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import record, scan
+from breastscan import scan
 from breastscan.camera.grey import read_grey
+from breastscan.camera.interface import StereoPair
 from breastscan.cloud import filters, normals
 from breastscan.cloud.segment import Breast
 from breastscan.errors import NoBreastError, PerceptionError
-from breastscan.robot.interface import StereoPair
+from breastscan.run import writing
 from breastscan.scan import ScanConfig, Stages
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching.pair_check import check_exposure
@@ -54,7 +55,7 @@ def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: Scan
     images = StereoPair(left=read_grey(left), right=read_grey(right), time=0.0)
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
-    with record.staged(out) as folder:
+    with writing.staged(out) as folder:
         pair, matched = scan.match(images, rig, config, Stages())
         try:
             breast = scan.reconstruct_breast(pair, matched, config, Stages())
@@ -64,9 +65,9 @@ def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: Scan
         except NoBreastError:
             scan.check_order(images, matched, rig, config)
             view = _whole_view(pair, matched, config)
-        record.write_image(folder / "disparity.png", record.disparity_picture(view.disparity))
-        record.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
-        record.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
+        writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
+        writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
+        writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
     return view
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from breastscan.compare import compare
+from breastscan.commands.compare import compare
 from breastscan.errors import ConfigError
 from tests.report.synthetic_run import trajectory_table
 

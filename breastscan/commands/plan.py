@@ -8,7 +8,7 @@ import polars as pl
 from jaxtyping import Float
 from trimesh.exchange.ply import load_ply
 
-from breastscan import export, record
+from breastscan.commands import export
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
@@ -18,6 +18,7 @@ from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import ChestPlate, PatternConfig
 from breastscan.planning.pattern import Path as SkinPath
+from breastscan.run import writing
 
 PERIOD = 0.002
 """Control period of an e-Series controller [s]."""
@@ -65,8 +66,8 @@ def plan(source: Path, out: Path, config: PlanConfig, *, urscript: bool) -> Moti
     tcp = np.array(config.tcp, float)
     X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
     planned = motion.plan(path, X_FP, PERIOD, config.feedrate, config.joints, calibration=arm)
-    with record.staged(out) as folder:
-        record.write_path(folder / "path.csv", path.points_B, path.normals_B)
+    with writing.staged(out) as folder:
+        writing.write_path(folder / "path.csv", path.points_B, path.normals_B)
         export.write(folder, planned, X_FP, arm.forward(planned.joints.q))
         if urscript:
             (folder / "path.script").write_text(export.urscript(planned, X_FP), encoding="utf-8")

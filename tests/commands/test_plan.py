@@ -5,9 +5,10 @@ import polars as pl
 import pytest
 import trimesh
 
-from breastscan import plan, record
+from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
 from breastscan.geometry import se3
+from breastscan.run import writing
 from sim.wrist.probe import tip_pose
 
 CENTRE_B, RADIUS, HEIGHT = np.array([0.5, 0.0, 0.08]), 0.075, 0.055
@@ -26,7 +27,7 @@ def dome() -> tuple[np.ndarray, np.ndarray]:
 @pytest.fixture(scope="module")
 def cloud(tmp_path_factory):
     path = tmp_path_factory.mktemp("cloud") / "cloud.ply"
-    record.write_cloud(path, *dome())
+    writing.write_cloud(path, *dome())
     return path
 
 

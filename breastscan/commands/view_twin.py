@@ -6,10 +6,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from breastscan import record, run_folder
+from breastscan.commands import run_folder, scan_twin
+from breastscan.run import writing
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.vision.camera import StereoRig
-from experiments import scan_twin
 from sim.live.launch import LiveConfig, require_viewer
 from sim.live.view import LiveView
 from sim.robot import SimRobot
@@ -66,7 +66,7 @@ def run(
     with run_folder.progress_bars(console) as listener:
         scene, tissue = scan_twin.build_world(scene_config, Stages(listener))
     with LiveView(scene, live, config.contact.force) as view:
-        with record.staged(out) as folder:
+        with writing.staged(out) as folder:
             stages = Stages(view.stage)
             measured = scan_twin.measure(
                 scene, tissue, config, stages, estimated, _Onlooker(view),

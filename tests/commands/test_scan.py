@@ -11,11 +11,12 @@ import polars as pl
 import pytest
 from rich.console import Console
 
+from breastscan.camera.interface import StereoCamera, StereoPair
+from breastscan.commands import scan_twin
 from breastscan.errors import CalibrationError, PerceptionError, PlanningError
-from breastscan.robot.interface import Robot, StereoCamera, StereoPair
+from breastscan.robot.interface import Robot
 from breastscan.scan import ScanConfig, Stages, perceive
 from breastscan.vision.camera import StereoRig
-from experiments import scan_twin
 from sim.arm.servo import ServoConfig
 from sim.cameras.camera import SimStereoCamera
 from sim.robot import SimRobot

@@ -7,7 +7,7 @@ import polars
 import pytest
 
 from breastscan.errors import ConfigError
-from breastscan.report.trajectory import Trajectory
+from breastscan.run.columns import Trajectory
 from tests.report.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
 
 

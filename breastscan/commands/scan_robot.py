@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from breastscan import metrics, record, run_folder
+from breastscan.camera.interface import StereoCamera
+from breastscan.commands import run_folder
+from breastscan.commands.run_folder import Measured
 from breastscan.errors import CalibrationError, ConfigError, PlanningError, RobotError, SafetyError
 from breastscan.execution import MotionLog, ScanMotion, lifted_joints
 from breastscan.planning.joint_limits import Clearances
-from breastscan.report.trajectory import Trajectory
-from breastscan.robot.interface import StereoCamera
 from breastscan.robot.ur import preflight
 from breastscan.robot.ur.rtde_robot import FULL_SPEED, RtdeConfig, RtdeRobot
-from breastscan.run_folder import Measured
+from breastscan.run import metrics, writing
+from breastscan.run.columns import Trajectory
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
 
@@ -97,7 +98,7 @@ def run(
     console.print(_introduction(controller, setup), soft_wrap=True)
     if not (setup.dry_run or setup.consent):
         _ask(console)
-    with record.staged(out) as folder, run_folder.progress_bars(console) as listener:
+    with writing.staged(out) as folder, run_folder.progress_bars(console) as listener:
         stages = Stages(listener)
         with closing(RtdeRobot(setup.robot)) as robot:
             _require_full_speed(robot)
@@ -120,14 +121,14 @@ def _measure(
 ) -> Measured:
     def keep(motion: ScanMotion, log: MotionLog, error: BaseException) -> None:
         if log.rows:
-            table = record.trajectory(log, motion, robot.X_FP, robot.calibration)
+            table = writing.trajectory(log, motion, robot.X_FP, robot.calibration)
             run_folder.keep_aborted(out, table, error, console)
 
     def check(plan: ScanPlan) -> None:
         require_reach(plan.motion, robot)
 
     result = scan(robot, camera, setup.rig, config, stages, setup.clearances, check, keep, in_air=setup.dry_run)
-    table = record.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
+    table = writing.trajectory(result.log, result.plan.motion, robot.X_FP, robot.calibration)
     touched = Trajectory.from_table(table).has_loop
     figures = metrics.of_execution(table, result.plan.feed, result.wall_s["execution"]) if touched else {}
     return Measured(result=result, trajectory=table, metrics=figures)

@@ -10,7 +10,8 @@ import polars as pl
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-from breastscan import record, report
+from breastscan import report
+from breastscan.run import writing
 from breastscan.scan import ScanResult, Stages
 
 
@@ -26,18 +27,18 @@ class Measured:
 def write(folder: Path, measured: Measured, settings: dict[str, object]) -> None:
     """Everything but metrics, video and page."""
     result = measured.result
-    record.write_json(folder / "config.json", {**settings, "versions": record.versions()})
-    record.write_image(folder / "left.png", result.images.left)
-    record.write_image(folder / "right.png", result.images.right)
-    record.write_image(folder / "disparity.png", record.disparity_picture(result.reconstruction.disparity))
-    record.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
-    record.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
+    writing.write_json(folder / "config.json", {**settings, "versions": writing.versions()})
+    writing.write_image(folder / "left.png", result.images.left)
+    writing.write_image(folder / "right.png", result.images.right)
+    writing.write_image(folder / "disparity.png", writing.disparity_picture(result.reconstruction.disparity))
+    writing.write_cloud(folder / "cloud.ply", result.plan.points_B, result.plan.normals_B)
+    writing.write_path(folder / "path.csv", result.plan.path.points_B, result.plan.path.normals_B)
     measured.trajectory.write_parquet(folder / "trajectory.parquet")
 
 
 def keep_aborted(out: Path, table: pl.DataFrame, error: BaseException, console: Console) -> None:
     """Save what was measured before a scan was cut off, and say where."""
-    folder = record.write_aborted(out, table, error)
+    folder = writing.write_aborted(out, table, error)
     console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
 
 
@@ -45,7 +46,7 @@ def write_report(folder: Path, measured: Measured, stages: Stages) -> None:
     """Metrics, with the wall time of each stage, and the page."""
     with stages.stage("report"):
         measured.metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
-        record.write_json(folder / "metrics.json", measured.metrics)
+        writing.write_json(folder / "metrics.json", measured.metrics)
         report.write(folder)
 
 

@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from breastscan.camera.grey import read_grey
+from breastscan.commands.reconstruct import reconstruct
 from breastscan.errors import PerceptionError
-from breastscan.reconstruct import reconstruct
 from breastscan.scan import ScanConfig
 from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.depth_edges import edge_pair

@@ -10,15 +10,15 @@ from typing import Any
 
 from rich.console import Console
 
-from breastscan import scan_robot
 from breastscan.camera.choice import open_camera
-from breastscan.robot.interface import StereoCamera
+from breastscan.camera.interface import StereoCamera
+from breastscan.commands import scan_robot
+from breastscan.commands.scan_robot import RobotScan
+from breastscan.commands.scan_twin import seeded
 from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.scan import ScanConfig
-from breastscan.scan_robot import RobotScan
 from breastscan.vision.camera import StereoRig
-from experiments.scan_twin import seeded
 from sim.cameras.camera import SimStereoCamera
 from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
@@ -51,7 +51,7 @@ class CellScan:
 def run(
     out: Path, options: CellScan, *, seed: int, config: ScanConfig, scene_config: SceneConfig, console: Console
 ) -> dict[str, Any]:
-    """Scan with the robot, and leave a run folder in `out`; see `breastscan.scan_robot.run`."""
+    """Scan with the robot, and leave a run folder in `out`; see `breastscan.commands.scan_robot.run`."""
     host = scan_robot.host_of(options.robot)
     scene = Scene(seeded(scene_config, seed))
     robot = RtdeConfig(

@@ -5,7 +5,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from breastscan import export
+from breastscan.commands import export
 from breastscan.geometry import kinematics, se3
 from breastscan.planning import motion
 from breastscan.planning.feedrate import FeedrateLimits

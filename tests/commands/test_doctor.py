@@ -1,6 +1,6 @@
 import pytest
 
-from breastscan import doctor
+from breastscan.commands import doctor
 from breastscan.errors import ConfigError
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from breastscan import scan_robot
+from breastscan.commands import scan_robot
+from breastscan.commands.scan_robot import RobotScan
 from breastscan.errors import CalibrationError, ConfigError, RobotError, SafetyError
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.scan import ScanConfig
-from breastscan.scan_robot import RobotScan
 from sim.scene import Scene
 
 NOBODY = "127.0.0.43"

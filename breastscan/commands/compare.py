@@ -4,12 +4,12 @@ from pathlib import Path
 
 from rich.table import Table
 
-from breastscan import record
 from breastscan.errors import ConfigError
 from breastscan.report import difference_figures
 from breastscan.report.catalogue import number
 from breastscan.report.difference import Difference, difference, statistics
-from breastscan.report.trajectory import MM_PER_M, Trajectory
+from breastscan.run import writing
+from breastscan.run.columns import MM_PER_M, Trajectory
 
 LOG_FILE = "trajectory.parquet"
 
@@ -26,8 +26,8 @@ def compare(first: Path, second: Path, out: Path) -> Difference:
         ConfigError: A folder is no run, the two do not overlap, or `out` cannot be written.
     """
     found = difference(_load(first), _load(second), (str(first), str(second)))
-    with record.staged(out) as folder:
-        record.write_json(folder / "compare.json", _content(found, first, second))
+    with writing.staged(out) as folder:
+        writing.write_json(folder / "compare.json", _content(found, first, second))
         difference_figures.write(folder, found, _labels(first, second))
     return found
 
@@ -61,7 +61,7 @@ def _content(found: Difference, first: Path, second: Path) -> dict[str, object]:
         "path_from_mm": float(found.first.s[0]) * MM_PER_M,
         "path_to_mm": float(found.first.s[-1]) * MM_PER_M,
         "differences": statistics(found),
-        "versions": record.versions(),
+        "versions": writing.versions(),
     }
 
 

@@ -12,7 +12,7 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from breastscan.errors import ConfigError
-from breastscan.report.trajectory import Trajectory
+from breastscan.run.columns import Trajectory
 
 REQUIRED_FILES = (
     "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",

@@ -17,11 +17,11 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from breastscan import record
 from breastscan.camera.grey import SUFFIXES, read_grey
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.robot.interface import StereoPair
+from breastscan.run import writing
 from breastscan.vision.boards.board import Board, BoardShot, find_shot
 
 POSES_FILE = "poses.csv"
@@ -42,8 +42,8 @@ class ShotFolder:
 
 def write_shot(folder: Path, name: str, pair: StereoPair) -> None:
     """Write both pictures of a shot."""
-    record.write_image(folder / f"{name}_left.png", pair.left)
-    record.write_image(folder / f"{name}_right.png", pair.right)
+    writing.write_image(folder / f"{name}_left.png", pair.left)
+    writing.write_image(folder / f"{name}_right.png", pair.right)
 
 
 def read_pair(folder: Path, name: str) -> StereoPair:

@@ -11,9 +11,9 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from breastscan import record
 from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
+from breastscan.run import writing
 
 KNOT_PERIOD = 0.04
 """Time between the trajectory's points in the program [s]: a loop has some 400, a program of 120 kB."""
@@ -92,7 +92,7 @@ def write(folder: Path, motion: Motion, X_FP: Float[np.ndarray, "4 4"], X_BF: Fl
         "columns": COLUMNS,
         "rows": rows.to_numpy().round(9),
     }
-    record.write_json(folder / "trajectory.json", content)
+    writing.write_json(folder / "trajectory.json", content)
 
 
 def urscript(motion: Motion, X_FP: Float[np.ndarray, "4 4"]) -> str:

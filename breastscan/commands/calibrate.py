@@ -6,10 +6,11 @@ import numpy as np
 import polars as pl
 from jaxtyping import Float
 
-from breastscan import record, shots
+from breastscan.commands import shots
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.report import calibration_figures as draw
+from breastscan.run import writing
 from breastscan.vision.boards.board import Board, BoardShot
 from breastscan.vision.calibration import Calibration, calibrate
 from breastscan.vision.camera import StereoRig
@@ -33,9 +34,9 @@ def calibrate_rig(folder: Path, out: Path, board: Board) -> dict[str, object]:
         PerceptionError: A picture cannot be read.
         ConfigError: `out` cannot be written.
     """
-    with record.staged(out) as results:
+    with writing.staged(out) as results:
         metrics = rig_metrics(rig_from_shots(folder, results, board))
-        record.write_json(results / METRICS_FILE, metrics)
+        writing.write_json(results / METRICS_FILE, metrics)
     return metrics
 
 
@@ -50,9 +51,9 @@ def calibrate_hand_eye(folder: Path, out: Path, rig: StereoRig, board: Board) ->
         PerceptionError: A picture cannot be read.
         ConfigError: `out` cannot be written.
     """
-    with record.staged(out) as results:
+    with writing.staged(out) as results:
         metrics = hand_eye_metrics(hand_eye_from_shots(folder, results, rig, board))
-        record.write_json(results / METRICS_FILE, metrics)
+        writing.write_json(results / METRICS_FILE, metrics)
     return metrics
 
 
