@@ -85,9 +85,7 @@ def stream(real_time: bool) -> dict[str, str]:
     """Targets in every period, and what became of them."""
     priority = () if real_time else ("--controller.no-real-time",)
     scene = Scene()
-    config = RtdeConfig(
-        host=HOST, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), real_time=real_time
-    )  # fmt: skip
+    config = RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), real_time=real_time)
     with twin(*priority), closing(RtdeRobot(config)) as robot, closing(TwinControl(HOST)) as control:
         listeners = [
             subprocess.Popen(

@@ -42,7 +42,6 @@ CORNER_SHARE = 0.85
 class ProjectionErrors:
     """Where the dots were seen."""
 
-    expected_px: Float[np.ndarray, "n 2"]
     error_px: Float[np.ndarray, "n 2"]
     """Seen minus expected."""
     corner: np.ndarray
@@ -67,9 +66,7 @@ def measure(rig: StereoRig, side: str, *, supersampling: int, seed: int) -> Proj
     image = _image(rig, side, _texture(dots), supersampling)
     error = np.array([_centre(image, around) for around in expected]) - expected
     radius = np.linalg.norm(expected - camera.K[:2, 2], axis=1)
-    return ProjectionErrors(
-        expected_px=expected, error_px=error, corner=radius > CORNER_SHARE * radius.max()
-    )  # fmt: skip
+    return ProjectionErrors(error_px=error, corner=radius > CORNER_SHARE * radius.max())
 
 
 def _dots(camera: Intrinsics, rng: np.random.Generator) -> Float[np.ndarray, "n 2"]:

@@ -2,10 +2,6 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import scipy.signal
 from matplotlib.axes import Axes
@@ -18,6 +14,7 @@ from sim.arm.servo import PERIOD
 
 SHOWN = ("nominal", "breathing, sine", "10 mm nearer", "inclusion")
 """Circumstances whose forces are drawn."""
+DPI = 110
 SEGMENT = 1024
 """Samples of a segment of the spectra: 2 s."""
 SCATTERED = {
@@ -48,7 +45,8 @@ def write(folder: Path, factors: Rows, hypercube: list[Outcome]) -> dict[str, st
 
 
 def _draw_traces(path: Path, factors: Rows) -> None:
-    figure, axes = plt.subplots(len(SHOWN), 1, figsize=(10, 9), sharex=True, layout="constrained")
+    figure = Figure(figsize=(10, 9), layout="constrained")
+    axes = figure.subplots(len(SHOWN), 1, sharex=True)
     for axis, name in zip(axes, SHOWN, strict=True):
         for law, outcome in factors[name].items():
             axis.plot(1.0 + PERIOD * np.arange(len(outcome.trace)), outcome.trace, lw=0.9, label=law)
@@ -56,11 +54,12 @@ def _draw_traces(path: Path, factors: Rows) -> None:
         axis.grid(alpha=0.3)
     axes[0].legend(ncols=6, fontsize=8)
     axes[-1].set_xlabel("time since the loop began [s]")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _draw_factors(path: Path, factors: Rows) -> None:
-    figure, axis = plt.subplots(figsize=(9, 6), layout="constrained")
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axis = figure.subplots()
     laws = list(next(iter(factors.values())))
     places = np.arange(len(factors))
     for number, law in enumerate(laws):
@@ -72,11 +71,12 @@ def _draw_factors(path: Path, factors: Rows) -> None:
     axis.invert_yaxis()
     axis.grid(alpha=0.3)
     figure.legend(fontsize=8, loc="outside right upper")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _draw_spectra(path: Path, factors: Rows) -> None:
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrained")
+    figure = Figure(figsize=(11, 4), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
     for axis, name in zip(axes, SHOWN[:2], strict=True):
         for law, outcome in factors[name].items():
             if len(outcome.trace) >= SEGMENT:
@@ -85,7 +85,7 @@ def _draw_spectra(path: Path, factors: Rows) -> None:
         axis.grid(alpha=0.3, which="both")
     axes[0].set_ylabel("force error [N/√Hz]")
     axes[0].legend(fontsize=8)
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _draw_spectrum(axis: Axes, law: str, trace: np.ndarray) -> None:
@@ -94,7 +94,8 @@ def _draw_spectrum(axis: Axes, law: str, trace: np.ndarray) -> None:
 
 
 def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
-    figure, axes = plt.subplots(2, 3, figsize=(11, 6.5), sharey=True, layout="constrained")
+    figure = Figure(figsize=(11, 6.5), layout="constrained")
+    axes = figure.subplots(2, 3, sharey=True)
     for axis, (name, (label, scale)) in zip(axes.flat, SCATTERED.items(), strict=True):
         for sensor in dict.fromkeys(o.cell.sensor for o in outcomes):
             for inside, marker in ((True, "o"), (False, "x")):
@@ -110,7 +111,7 @@ def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
         axis.set_ylabel("RMS force error [N]")
         _plain_ticks(axis.yaxis)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _plain_ticks(axis: Axis) -> None:
@@ -118,8 +119,3 @@ def _plain_ticks(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
-
-
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -19,7 +19,7 @@ from experiments.local_mesh import local_mesh
 from experiments.two_level import TwoLevel
 from sim.tissue.layers import modulus_ratio
 from sim.tissue.phantom import Phantom
-from sim.wrist.probe_face import ProbeFace, distance
+from sim.wrist.probe_face import ProbeFace, components_P, distance
 
 PENALTY = 1e5
 """Contact pressure per penetration, over Young's modulus [1/m]: .01 mm at a pressure of E."""
@@ -35,16 +35,15 @@ NEAR = (0.045, 0.020, 0.030)
 class FullTissue:
     """The breast in equilibrium with the probe; start with small depths and go deeper in steps of a millimetre."""
 
-    def __init__(self, phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float, *, large: bool = True) -> None:
+    def __init__(self, phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float) -> None:
         """Mesh and prepare.
 
         Args:
             phantom: Shape, elasticity and layers; the skin's membrane is left out.
             X_SP: About where the probe will press: the mesh is fine there.
             finest: Longest edge there [m].
-            large: Whether deformations count as large; otherwise strains are linear in the displacement.
         """
-        self._face, self._large = ProbeFace().numbers(), large
+        self._face = ProbeFace().numbers()
         mesh = local_mesh(phantom, X_SP, finest)
         basis = skfem.Basis(mesh, skfem.ElementTetP2(), intorder=2)
         self.nodes_S: Float[np.ndarray, "n 3"] = basis.doflocs.T.copy()
@@ -103,7 +102,6 @@ class FullTissue:
         data = np.zeros((self._pattern.nnz, 3, 3))
         sound = _add_elastic(
             residual, data, displacement_S, self._elements, self._places, self._gradients, self._weights, *self._lame,
-            self._large,
         )  # fmt: skip
         if not sound:
             residual[:] = np.inf
@@ -164,7 +162,7 @@ def _prolongation(mesh: skfem.MeshTet, free: np.ndarray) -> scipy.sparse.csr_arr
 
 @numba.njit(cache=True)
 @no_type_check
-def _add_elastic(residual, data, displacement, elements, places, gradients, weights, first, second, large):
+def _add_elastic(residual, data, displacement, elements, places, gradients, weights, first, second):
     """Add the elements' forces and their derivatives; False where an element is turned inside out."""
     P, inverse = np.empty((3, 3)), np.empty((3, 3))
     for e in range(len(elements)):
@@ -176,18 +174,13 @@ def _add_elastic(residual, data, displacement, elements, places, gradients, weig
                 for i in range(3):
                     for k in range(3):
                         H[i, k] += displacement[nodes[a], i] * G[a, k]
-            trace, mixed = H[0, 0] + H[1, 1] + H[2, 2], mu
-            if large:
-                F = np.eye(3) + H
-                det = np.linalg.det(F)
-                if det <= 0.0:
-                    return False
-                inverse[:] = np.linalg.inv(F)
-                mixed = mu - lam * np.log(det)  # of P = mu F - mixed F^-T
-                P[:] = mu * F - mixed * inverse.T
-            else:
-                inverse[:] = np.eye(3)
-                P[:] = mu * (H + H.T) + lam * trace * np.eye(3)
+            F = np.eye(3) + H
+            det = np.linalg.det(F)
+            if det <= 0.0:
+                return False
+            inverse[:] = np.linalg.inv(F)
+            mixed = mu - lam * np.log(det)  # of P = mu F - mixed F^-T
+            P[:] = mu * F - mixed * inverse.T
             g = G @ inverse
             for a in range(10):
                 for i in range(3):
@@ -206,9 +199,7 @@ def _add_elastic(residual, data, displacement, elements, places, gradients, weig
 
 @numba.njit(cache=True)
 @no_type_check
-def _add_contact(
-    residual, data, force, displacement, facets, places, shapes, skin, areas, face, X_SP, penalty
-):  # fmt: skip
+def _add_contact(residual, data, force, displacement, facets, places, shapes, skin, areas, face, X_SP, penalty):
     """Add the forces of the skin that lies inside the probe, their derivatives, and their sum on the probe."""
     for f in range(len(facets)):
         nodes = facets[f]
@@ -219,13 +210,8 @@ def _add_contact(
                 x += N[a] * displacement[nodes[a], 0]
                 y += N[a] * displacement[nodes[a], 1]
                 z += N[a] * displacement[nodes[a], 2]
-            dx, dy, dz = x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3]
-            gap, gx, gy, gz = distance(
-                face,
-                X_SP[0, 0] * dx + X_SP[1, 0] * dy + X_SP[2, 0] * dz,
-                X_SP[0, 1] * dx + X_SP[1, 1] * dy + X_SP[2, 1] * dz,
-                X_SP[0, 2] * dx + X_SP[1, 2] * dy + X_SP[2, 2] * dz,
-            )
+            px, py, pz = components_P(X_SP, x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3])
+            gap, gx, gy, gz = distance(face, px, py, pz)
             if gap >= 0:
                 continue
             n = X_SP[:3, :3] @ np.array([gx, gy, gz])

@@ -1,5 +1,6 @@
 """How the phantom behaves, drawn: indentation, ripple, layers, breathing; and a sheet of the whole family."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import get_args
 
@@ -137,11 +138,10 @@ def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w
     scene = Scene(SceneConfig(phantom=PhantomConfig(breast=breast, texture=texture)))
     phantom, (x, y, z) = scene.phantom, scene.config.p_BS
     view = View(
-        target_B=(x, y, z + phantom.height / 2), distance=3.6 * phantom.radius, azimuth_deg=118.0,
-        elevation_deg=-32.0,
-    )  # fmt: skip
+        target_B=(x, y, z + phantom.height / 2), distance=3.6 * phantom.radius, azimuth_deg=118.0, elevation_deg=-32.0
+    )
     size = (TILE_PX[0] * DRAWN_OVER_TILE, TILE_PX[1] * DRAWN_OVER_TILE)
-    with Picture(scene, *size) as picture:
+    with closing(Picture(scene, *size)) as picture:
         tiles = []
         for mechanics in get_args(Mechanics):
             X_SP = pose(phantom, SHEET_AZIMUTH, SHEET_DEPTH[mechanics])

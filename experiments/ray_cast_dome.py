@@ -80,12 +80,6 @@ class DomeScene:
         return self.focal_px * self.baseline / self.points[..., 2]
 
     @property
-    def normals(self) -> Float[np.ndarray, "h w 3"]:
-        """Outward unit normals; those of the sphere on the dome, towards the camera elsewhere."""
-        radial = (self.points - self.sphere_centre) / self.sphere_radius
-        return np.where(self.on_dome[..., None], radial, np.array([0.0, 0.0, -1.0]))
-
-    @property
     def on_dome(self) -> Bool[np.ndarray, "h w"]:
         """Left pixels that see the dome."""
         return self.points[..., 2] < self.plate_distance - 1e-9
@@ -184,12 +178,8 @@ def grains(
     """Periodic noise of this amplitude spectrum, of zero mean and unit standard deviation."""
     rng = np.random.default_rng(seed)
     noise = np.fft.rfft2(rng.standard_normal((TEXTURE_CELLS, TEXTURE_CELLS)))
-    frequency = (
-        2
-        * np.pi
-        * np.hypot(np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_PITCH)[:, None], np.fft.rfftfreq(TEXTURE_CELLS, TEXTURE_PITCH))
-    )
-    amplitude = spectrum(frequency)
+    down, across = np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_PITCH), np.fft.rfftfreq(TEXTURE_CELLS, TEXTURE_PITCH)
+    amplitude = spectrum(2 * np.pi * np.hypot(down[:, None], across))
     amplitude[0, 0] = 0.0
     texture = np.fft.irfft2(noise * amplitude, s=(TEXTURE_CELLS, TEXTURE_CELLS))
     return (texture / texture.std()).astype(np.float32)

@@ -28,9 +28,6 @@ from sim.wrist.wrench_errors import Quality
 LAWS: tuple[LawName, ...] = get_args(LawName)
 SENSORS: tuple[Quality, ...] = get_args(Quality)
 DEFAULT = ContactConfig().law
-STEADY_HIGH, BUILTIN_HIGH, STEADY_LOW = 1.75, 5.0, 0.5
-"""True force allowed over the set-point [N], also with the built-in sensor, and least share of the set-point."""
-
 FACTORS: dict[str, dict] = {
     "nominal": {},
     "20 kPa": {"young": 20e3},

@@ -14,13 +14,14 @@ from breastscan.run import metrics, writing
 from experiments import phantom_figures, tissue_cost
 from experiments.indentation import DEPTHS, FINEST, SET_POINT, Indentation, against_full, axial_force, pose
 from experiments.tissue_cost import FINER, HEIGHTS, LONGEST_RIPPLE, SLIDE_DEPTH, SPINS_DEG, Build, Slide
+from sim.tissue.breast import BreastClass
 from sim.tissue.flex import FlexTissue
 from sim.tissue.layers import FAT_YOUNG, SKIN_YOUNG, LayerConfig
 from sim.tissue.phantom import Phantom
 from sim.tissue.phantom_config import PhantomConfig
 from sim.tissue.soft import SoftTissue
 
-PLACES = (("standard", 0.7), ("scattered", 2.8))
+PLACES: tuple[tuple[BreastClass, float], ...] = (("standard", 0.7), ("scattered", 2.8))
 """Classes, and azimuths on their half-height loops [rad], that are pressed in full finite elements."""
 MASS = LayerConfig(mass_radius=0.010, mass_p_S=(0.045, 0.0, 0.020))
 """A hard mass about 10 mm under the skin at azimuth 0."""
@@ -66,8 +67,11 @@ def run(out: Path, *, seed: int) -> Study:
     soft = SoftTissue.build(phantom)
     with writing.staged(out) as folder:
         study = Study(
-            presses={f"{breast}, {np.degrees(place):.0f}°": _pressed(breast, place, seed) for breast, place in PLACES},
-            layered=_over_the_mass(seed),
+            presses={
+                f"{breast}, {np.degrees(place):.0f}°": _pressed(PhantomConfig(breast=breast, seed=seed), place, DEPTHS)
+                for breast, place in PLACES
+            },
+            layered=_pressed(PhantomConfig(seed=seed, layers=MASS), 0.0, LAYERED_DEPTHS),
             flex=_flex_forces(phantom, PLACES[0][1]),
             convergence=tissue_cost.convergence(phantom, soft, DEPTHS[[1, 4, 7]]),
             slides={
@@ -85,14 +89,9 @@ def run(out: Path, *, seed: int) -> Study:
     return study
 
 
-def _pressed(breast: str, place: float, seed: int) -> Indentation:
-    phantom = Phantom(PhantomConfig(breast=breast, seed=seed))  # pyright: ignore[reportArgumentType]
-    return against_full(phantom, SoftTissue.build(phantom), place, DEPTHS)
-
-
-def _over_the_mass(seed: int) -> Indentation:
-    phantom = Phantom(PhantomConfig(seed=seed, layers=MASS))
-    return against_full(phantom, SoftTissue.build(phantom), 0.0, LAYERED_DEPTHS)
+def _pressed(config: PhantomConfig, place: float, depths: np.ndarray) -> Indentation:
+    phantom = Phantom(config)
+    return against_full(phantom, SoftTissue.build(phantom), place, depths)
 
 
 def _flex_forces(phantom: Phantom, place: float) -> np.ndarray:

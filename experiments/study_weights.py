@@ -6,12 +6,9 @@ the vertex's own four spans. Interpolation with other weights still passes every
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
+from matplotlib.figure import Figure
 
 from breastscan.geometry.nurbs import Nurbs
 from breastscan.run import writing
@@ -77,7 +74,8 @@ def _largest_miss(curve: Nurbs, points: Float[np.ndarray, "n 2"]) -> float:
 def _draw(
     path: Path, points: Float[np.ndarray, "n 2"], pulled: dict[float, Nurbs], curves: dict[float, Nurbs], u: np.ndarray
 ) -> None:
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4.6), layout="constrained", sharex=True, sharey=True)
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
     vertices = pulled[1.0].control_points[:POINTS] * 1e3  # a closed curve repeats its first three
     titles = ("the same control vertices", "through the same points")
     for axis, title, family in zip(axes, titles, (pulled, curves), strict=True):
@@ -92,4 +90,3 @@ def _draw(
     for axis in axes:
         axis.legend(fontsize=8, loc="center")
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.geometry import se3
-from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
@@ -47,6 +46,9 @@ class SimRobot:
     belong to the same instant.
     """
 
+    period = PERIOD
+    """Control period [s]."""
+
     def __init__(self, scene: Scene, tissue: Mechanics | None = None, q: Float[np.ndarray, "6"] = HOME_Q) -> None:
         """Switch the arm on.
 
@@ -61,18 +63,21 @@ class SimRobot:
         self._X_BS = scene.X_BS
         self._X_SB = se3.inverse(scene.X_BS)
         self._breathing = scene.config.breathing
-        self._X_FP = scene.X_FP
+        self.X_FP = scene.X_FP
+        """Pose of the probe tip in the flange."""
         self._look_up()
         self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
         self._truth = TruthRecorder()
-        self._contact: Contact | None = None
+        self.contact: Contact | None = None
+        """What the tissue did to the probe in the latest period; None without tissue."""
         self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
         self._drives = Drives()
         self._servo_lag = scene.config.servo.nominal_lag
-        self._calibration = scene.calibration
+        self.calibration = scene.calibration
+        """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
         self._diverged: RobotError | None = None
         self._breath_periods = 0
         """Since the breath began."""
@@ -93,21 +98,6 @@ class SimRobot:
         self._R_BF = data.body("flange").xmat.reshape(3, 3)
 
     @property
-    def period(self) -> float:
-        """Control period [s]."""
-        return PERIOD
-
-    @property
-    def X_FP(self) -> Float[np.ndarray, "4 4"]:
-        """Pose of the probe tip in the flange."""
-        return self._X_FP
-
-    @property
-    def calibration(self) -> KinematicCalibration:
-        """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
-        return self._calibration
-
-    @property
     def servo_lag(self) -> float:
         """Time by which the samples trail the targets of `servo_joint` [s]: what its transport and its law imply."""
         return self._servo_lag
@@ -115,11 +105,6 @@ class SimRobot:
     def state(self) -> RobotState:
         """The latest sample."""
         return self._sample
-
-    @property
-    def contact(self) -> Contact | None:
-        """What the tissue did to the probe in the latest period; None without tissue."""
-        return self._contact
 
     def watch(self, after_period: Callable[[], None]) -> None:
         """Call `after_period` at the end of every period; no simulated time passes while it runs."""
@@ -292,7 +277,7 @@ class SimRobot:
             return X_SP
         velocity_S = R_SB @ self._tip_velocity()
         velocity_S[2] -= rising_speed(self._breathing, breath_time)
-        contact = self._contact = self._tissue.press(X_SP, velocity_S)
+        contact = self.contact = self._tissue.press(X_SP, velocity_S)
         force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B

@@ -59,12 +59,8 @@ class GenicamCamera:
             for feature, value in SETTINGS:
                 getattr(camera.remote_device.node_map, feature).value = value
             camera.start()
-        self._skew = 0.0
-
-    @property
-    def skew(self) -> float:
+        self.skew = 0.0
         """By how much the right camera was triggered later than the left for the latest pair [s]."""
-        return self._skew
 
     def close(self) -> None:
         """Stop both cameras and let them go; happens by itself at the latest when the program ends."""
@@ -77,13 +73,13 @@ class GenicamCamera:
             PerceptionError: The triggers were too far apart, or a picture did not come or is not 8-bit grey.
         """
         left_time, right_time = (self._trigger(camera) for camera in self._cameras)
-        self._skew = right_time - left_time
+        self.skew = right_time - left_time
         left, right = (_fetch(c, serial) for c, serial in zip(self._cameras, self.serials, strict=True))
-        if self._skew > MAX_SKEW:
+        if self.skew > MAX_SKEW:
             raise PerceptionError(
-                f"the two triggers came {1e3 * self._skew:.1f} ms apart, expected {1e3 * MAX_SKEW:g} ms at most: the "
+                f"the two triggers came {1e3 * self.skew:.1f} ms apart, expected {1e3 * MAX_SKEW:g} ms at most: the "
                 "computer is too busy, or the cameras need a trigger by wire",
-                self._skew,
+                self.skew,
             )
         return StereoPair(left=left, right=right, time=(left_time + right_time) / 2)
 

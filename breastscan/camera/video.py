@@ -26,27 +26,22 @@ class VideoCamera:
     can only be matched as closely as their pictures come; whoever needs better triggers them by wire.
     """
 
-    def __init__(self, left: int | str, right: int | str, max_skew: float = MAX_SKEW) -> None:
+    def __init__(self, left: int | str, right: int | str) -> None:
         """Open both.
 
         Args:
             left: Number of the left device, or a video file to play.
             right: Likewise.
-            max_skew: Most time between the two pictures of a pair [s].
 
         Raises:
             PerceptionError: One does not open.
         """
         if left == right:
             raise ConfigError(f"left and right are one device, {left}: give the numbers of two", left)
-        self._names, self._max_skew = (left, right), max_skew
+        self._names = left, right
         self._captures = tuple(_opened(name) for name in self._names)
-        self._skew = 0.0
-
-    @property
-    def skew(self) -> float:
+        self.skew = 0.0
         """By how much the right picture of the latest pair is later than the left [s]."""
-        return self._skew
 
     def capture(self) -> StereoPair:
         """Take one pair, from after this call.
@@ -58,7 +53,7 @@ class VideoCamera:
             for _ in range(BUFFERED if isinstance(name, int) else 0):
                 _grab(capture, name)
         times = self._grab_together()
-        self._skew = times[1] - times[0]
+        self.skew = times[1] - times[0]
         left, right = (_grey(c, name) for c, name in zip(self._captures, self._names, strict=True))
         return StereoPair(left=left, right=right, time=sum(times) / 2)
 
@@ -68,7 +63,7 @@ class VideoCamera:
         stamped = all(stamps)
         times = list(stamps if stamped else clocks)
         for _ in range(CATCH_UP):
-            if abs(times[1] - times[0]) <= self._max_skew:
+            if abs(times[1] - times[0]) <= MAX_SKEW:
                 return times[0], times[1]
             earlier = int(times[1] < times[0])
             clock, stamp = _grab(self._captures[earlier], self._names[earlier])
@@ -76,7 +71,7 @@ class VideoCamera:
         skew = times[1] - times[0]
         raise PerceptionError(
             f"the pictures of devices {self._names[0]} and {self._names[1]} are {1e3 * skew:.1f} ms apart, expected "
-            f"{1e3 * self._max_skew:g} ms at most: let both run at one rate, or trigger them by wire",
+            f"{1e3 * MAX_SKEW:g} ms at most: let both run at one rate, or trigger them by wire",
             skew,
         )
 

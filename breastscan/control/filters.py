@@ -22,8 +22,3 @@ class Filtered:
         force = self.force + weight * (measured - self.force)
         change = self.change + weight * ((force - self.force) / period - self.change)
         return Filtered(force, change)
-
-
-def phase(frequency_hz: float, corner_hz: float) -> float:
-    """Phase [rad] of the filtered force at a frequency, slow against the sampling; that of the change is twice it."""
-    return -math.atan(frequency_hz / corner_hz)

@@ -81,10 +81,6 @@ class Surface:
         """Force per indentation [N/m] about a force [N]."""
         return EXPONENT * self.stiffness * max(force, LEAST_FORCE) ** (1 - 1 / EXPONENT)
 
-    def force(self, depth: float) -> float:
-        """Force [N] on a tip at `depth` [m]."""
-        return (self.stiffness * max(depth - self.position, 0.0)) ** EXPONENT
-
     def after(self, depth: float, force: float, noise: float, config: SurfaceConfig, period: float) -> "Surface":
         """One period [s] later, with the tip at `depth` [m] and a measured force [N] of that `noise` [N]."""
         ss, sv, sk, vv, vk, kk = self.covariance

@@ -27,25 +27,14 @@ def forward(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]:
     return _link_frames(np.ascontiguousarray(q).reshape(-1, 6))[:, 6].reshape(*q.shape[:-1], 4, 4)
 
 
-def link_frames(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 7 4 4"]:
-    """Poses of all DH frames in B [m], from frame 0 (B) to frame 6 (F)."""
-    return _link_frames(np.ascontiguousarray(q).reshape(-1, 6)).reshape(*q.shape[:-1], 7, 4, 4)
-
-
 def link_heights(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 7"]:
-    """Heights of all DH frames' origins over B's [m]: what a check against the table needs of `link_frames`."""
+    """Heights of all DH frames' origins over B's [m], from frame 0 (B) to frame 6 (F): for checks against the table."""
     return _link_heights(np.ascontiguousarray(q).reshape(-1, 6)).reshape(*q.shape[:-1], 7)
 
 
-def jacobian(q: Float[np.ndarray, "*b 6"], p_F: Float[np.ndarray, "3"] | None = None) -> Float[np.ndarray, "*b 6 6"]:
-    """Geometric Jacobian in basis B: joint speeds to (linear [m/s], angular [rad/s]) velocity.
-
-    Args:
-        q: Joint angles [rad].
-        p_F: The point of the flange whose linear velocity is meant [m]; None for the flange's origin.
-    """
-    point_F = np.zeros(3) if p_F is None else p_F
-    return _jacobians(np.ascontiguousarray(q).reshape(-1, 6), point_F).reshape(*q.shape[:-1], 6, 6)
+def jacobian(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 6 6"]:
+    """Geometric Jacobian of the flange's origin in B: joint speeds to its (linear [m/s], angular [rad/s]) velocity."""
+    return _jacobians(np.ascontiguousarray(q).reshape(-1, 6)).reshape(*q.shape[:-1], 6, 6)
 
 
 def inverse(X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k 6"]:
@@ -132,16 +121,13 @@ def _link_heights(q):
 
 @numba.njit(cache=True)
 @no_type_check
-def _jacobians(q, p_F):
+def _jacobians(q):
     J = np.empty((len(q), 6, 6))
     X = _link_frames(q)
     for k in range(len(q)):
-        p = X[k, 6, :3, 3].copy()
-        for j in range(3):
-            p += X[k, 6, :3, j] * p_F[j]
         for j in range(6):
             axis = X[k, j, :3, 2]
-            arm = p - X[k, j, :3, 3]
+            arm = X[k, 6, :3, 3] - X[k, j, :3, 3]
             J[k, 0, j] = axis[1] * arm[2] - axis[2] * arm[1]
             J[k, 1, j] = axis[2] * arm[0] - axis[0] * arm[2]
             J[k, 2, j] = axis[0] * arm[1] - axis[1] * arm[0]

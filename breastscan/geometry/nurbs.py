@@ -20,7 +20,6 @@ from breastscan.geometry.nurbs_system import (
     checked_parameters,
     checked_weights,
     chord_parameters,
-    fitted,
     homogeneous_spline,
     interpolate_closed,
     interpolate_open,
@@ -67,29 +66,6 @@ class Nurbs:
         u = checked_parameters(given, len(points), closed)
         solve = interpolate_closed if closed else interpolate_open
         return Nurbs(spline=solve(points, u, checked_weights(weights, len(points))), closed=closed)
-
-    @staticmethod
-    def fit(points: Float[np.ndarray, "n d"], tolerance: float, closed: bool = True) -> "Nurbs":
-        """The simplest curve that passes noisy `points` within a tolerance: least squares with as few vertices as do.
-
-        Args:
-            points: Points in order.
-            tolerance: Largest root mean square of the distances of the points from the curve, in their unit. About the
-                noise: less follows the noise, more loses shape.
-            closed: Whether the curve returns to the first point.
-
-        Raises:
-            PlanningError: Bad points as for `interpolate`, or a tolerance that is not positive.
-        """
-        check_points(points)
-        if not tolerance > 0.0:
-            raise PlanningError(f"a fit needs a positive tolerance, got {tolerance}: give about the noise", tolerance)
-        u = chord_parameters(points, closed)
-        for vertices in range(DEGREE + 1, len(points)):
-            curve = Nurbs(spline=fitted(points, u, vertices, closed), closed=closed)
-            if np.mean(np.sum((curve.evaluate(u) - points) ** 2, axis=1)) <= tolerance**2:
-                return curve
-        return Nurbs.interpolate(points, closed)
 
     def evaluate(self, u: Float[np.ndarray, "*n"] | float, derivative: int = 0) -> Float[np.ndarray, "*n d"]:
         """The curve or one of its derivatives with respect to u.
@@ -213,9 +189,3 @@ class Nurbs:
             spline=homogeneous_spline(self.control_points[:count], checked, self.spline.t, self.closed),
             closed=self.closed,
         )
-
-    def insert_knot(self, u: float) -> "Nurbs":
-        """The same curve with one more knot, and so one more control vertex, at u in (0, 1)."""
-        if not 0.0 < u < 1.0:
-            raise PlanningError(f"a knot can be inserted between 0 and 1, got {u}", u)
-        return Nurbs(spline=self.spline.insert_knot(u), closed=self.closed)

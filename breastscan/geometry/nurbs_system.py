@@ -19,7 +19,8 @@ SAME_POINT = 1e-9
 
 def interpolate_closed(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> BSpline:
     """Solve the cyclic system, homogeneously: N (w d) = (N w) p. Vertex i + 1 lies next to point i."""
-    knots = _periodic_knots(np.append(u, 1.0))
+    breaks = np.append(u, 1.0)  # the curve repeats with period 1: three spans are borrowed from either end
+    knots = np.concatenate([breaks[-1 - DEGREE : -1] - 1.0, breaks, breaks[1 : 1 + DEGREE] + 1.0])
     vertex_weights = np.roll(weights, 1)
     N = _cyclic_basis(u, knots)
     control = _solve(N, (N @ vertex_weights)[:, None] * points) / vertex_weights[:, None]
@@ -28,7 +29,7 @@ def interpolate_closed(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -
 
 def interpolate_open(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> BSpline:
     """Solve Eq. 21 with the tangents of Eq. 20 at the ends, where the two outermost vertices share a weight."""
-    knots = _clamped_knots(u)
+    knots = np.concatenate([np.zeros(DEGREE), u, np.ones(DEGREE)])
     vertex_weights = np.concatenate([weights[:1], weights, weights[-1:]])
     N = BSpline.design_matrix(u, knots, DEGREE)
     slopes = sparse.csr_array(BSpline(knots, np.eye(len(vertex_weights)), DEGREE)(u[[0, -1]], nu=1))
@@ -36,15 +37,6 @@ def interpolate_open(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> 
     goals = np.vstack([(N @ vertex_weights)[:, None] * points, weights[[0, -1], None] * tangents])
     control = _solve(sparse.csc_array(sparse.vstack([N, slopes])), goals) / vertex_weights[:, None]
     return homogeneous_spline(control, vertex_weights, knots, closed=False)
-
-
-def fitted(points: np.ndarray, u: np.ndarray, vertices: int, closed: bool) -> BSpline:
-    """The spline of so many control vertices with the least squared distances from the points at parameters u."""
-    breaks = np.linspace(0.0, 1.0, vertices + 1 if closed else vertices - DEGREE + 1)
-    knots = _periodic_knots(breaks) if closed else _clamped_knots(breaks)
-    N = _cyclic_basis(u, knots) if closed else BSpline.design_matrix(u, knots, DEGREE)
-    control = _solve(sparse.csc_array(N.T @ N), N.T @ points)
-    return homogeneous_spline(control, np.ones(vertices), knots, closed)
 
 
 def homogeneous_spline(control: np.ndarray, weights: np.ndarray, knots: np.ndarray, closed: bool) -> BSpline:
@@ -67,18 +59,9 @@ def _solve(N: sparse.csc_array, goals: np.ndarray) -> np.ndarray:
         return splu(N).solve(goals)
     except RuntimeError as error:
         raise PlanningError(
-            "the curve's equations are singular: some control vertices have no points near them, so ask for fewer",
+            "the curve's equations are singular: some of its parameters are all but equal, so drop points there",
             goals,
         ) from error
-
-
-def _periodic_knots(breaks: np.ndarray) -> np.ndarray:
-    """Knots of a curve that repeats with period 1: three spans are borrowed from either end."""
-    return np.concatenate([breaks[-1 - DEGREE : -1] - 1.0, breaks, breaks[1 : 1 + DEGREE] + 1.0])
-
-
-def _clamped_knots(breaks: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.zeros(DEGREE), breaks, np.ones(DEGREE)])
 
 
 def _cyclic_basis(u: np.ndarray, knots: np.ndarray) -> sparse.csc_array:

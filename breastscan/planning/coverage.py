@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from breastscan.errors import PlanningError
 from breastscan.planning import pattern
-from breastscan.planning.patch import Surface
+from breastscan.planning.patch import Surface, axes_along
 from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
 
 SEED_POINTS = 6
@@ -71,7 +71,7 @@ class Dome:
         seeds = self._directions.query(ray_B, SEED_POINTS)[1]
         distance = float(np.mean((self.surface.points_B[seeds] - self.centre_B) @ ray_B))
         n_B = self.surface.normals_B[seeds].mean(axis=0)
-        planes_B = _across(ray_B)
+        planes_B = axes_along(ray_B)[:2]
         return self.surface.meet(
             self.centre_B + distance * ray_B, n_B / np.linalg.norm(n_B), planes_B, planes_B @ self.centre_B
         )
@@ -141,13 +141,6 @@ def raster(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path
 
 def _rays(polar: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
-
-
-def _across(ray_B: np.ndarray) -> np.ndarray:
-    """Two unit vectors across a ray and each other."""
-    first = np.cross(np.eye(3)[np.argmin(np.abs(ray_B))], ray_B)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(ray_B, first)])
 
 
 def _check_polar(polar_angles: np.ndarray) -> None:

@@ -103,7 +103,7 @@ class Surface:
             PlanningError: Too few points are near.
         """
         near_B = self.near(origin_B)
-        axes = _axes(n_B)
+        axes = axes_along(n_B)
         local = (near_B - origin_B) @ axes.T
         weights = (1.0 - np.sum((near_B - origin_B) ** 2, axis=1) / self.radius**2) ** 2
         coefficients = _weighted_fit(local, weights)
@@ -156,7 +156,7 @@ def _on_line(patch: Patch, planes_B: np.ndarray, offsets: np.ndarray) -> np.ndar
     return xy
 
 
-def _axes(n_B: np.ndarray) -> np.ndarray:
+def axes_along(n_B: np.ndarray) -> np.ndarray:
     """A right-handed basis, in rows, whose third axis is `n_B`."""
     x_B = np.cross(np.eye(3)[np.argmin(np.abs(n_B))], n_B)
     x_B /= np.linalg.norm(x_B)

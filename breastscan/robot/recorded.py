@@ -63,11 +63,15 @@ class RecordedRobot:
         columns = {name: _column(table, name, width) for name, width in COLUMNS.items()}
         self._time, self._q, self._qd = columns["t"][:, 0], columns["q"], columns["qd"]
         self._target, self._wrench_P = columns["target"], columns["wrench"]
-        self._calibration = KinematicCalibration.nominal() if calibration is None else calibration
+        self.calibration = KinematicCalibration.nominal() if calibration is None else calibration
+        """The kinematics that the recording was opened with."""
         self._tolerance = tolerance
-        self._period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
-        self._X_FP = _tool(self._calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
-        self._servo_lag = _lag(self._q, self._target, self._period) if servo_lag is None else servo_lag
+        self.period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
+        """Control period of the recording [s]."""
+        self.X_FP = _tool(self.calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
+        """Pose of the probe tip in the flange, as the recorded poses imply it."""
+        self.servo_lag = _lag(self._q, self._target, self.period) if servo_lag is None else servo_lag
+        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
         self._row = 0
 
     @staticmethod
@@ -91,26 +95,6 @@ class RecordedRobot:
         except (pl.exceptions.PolarsError, OSError) as error:
             raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
         return RecordedRobot(table, calibration=calibration, servo_lag=servo_lag, tolerance=tolerance)
-
-    @property
-    def period(self) -> float:
-        """Control period of the recording [s]."""
-        return self._period
-
-    @property
-    def X_FP(self) -> Float[np.ndarray, "4 4"]:
-        """Pose of the probe tip in the flange, as the recorded poses imply it."""
-        return self._X_FP
-
-    @property
-    def calibration(self) -> KinematicCalibration:
-        """The kinematics that the recording was opened with."""
-        return self._calibration
-
-    @property
-    def servo_lag(self) -> float:
-        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
-        return self._servo_lag
 
     @property
     def rows_left(self) -> int:

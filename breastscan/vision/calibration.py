@@ -4,7 +4,7 @@ Shots whose corners do not fit those of the others are named, dropped, and the c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,30 +14,15 @@ from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.vision.boards import bundle
 from breastscan.vision.boards.board import Board, BoardShot
-from breastscan.vision.boards.calibration_quality import Quality, QualityLimits, check, image_coverage, tilt_spread
+from breastscan.vision.boards.calibration_quality import Quality, check, image_coverage, tilt_spread
 from breastscan.vision.camera import Intrinsics, StereoRig
 
 HELD_OUT_EVERY = 5
 """One shot in so many is held out of a second calibration, and then predicted by it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibrationConfig:
-    """When a shot does not count, and when a whole set does not."""
-
-    min_shots: int = 12
-    """Fewest shots that may remain [-]."""
-    singular_ratio: float = 4.0
-    """A shot is singular when its residual exceeds the median one this many times [-] ..."""
-    singular_px: float = 0.05
-    """... and this [px]."""
-    limits: QualityLimits = field(default_factory=QualityLimits)
-
-    def __post_init__(self) -> None:
-        if self.min_shots < 3:
-            raise CalibrationError(f"at least 3 shots determine a camera, got min_shots = {self.min_shots}", self)
-        if not (self.singular_ratio > 1 and self.singular_px >= 0):
-            raise CalibrationError("singular_ratio must exceed 1 and singular_px must not be negative", self)
+FEWEST_SHOTS = 12
+"""That may remain."""
+SINGULAR_RATIO, SINGULAR_PX = 4.0, 0.05
+"""A shot is singular when its residual exceeds the median one so many times [-], and so much [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,55 +47,42 @@ class Calibration:
         return float(np.sqrt(np.mean(self.residuals_px**2)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Estimate:
-    """What one run of the estimator gives."""
-
-    rig: StereoRig
-    residuals_px: Float[np.ndarray, "shots 2"]
-    X_LBoard: Float[np.ndarray, "shots 4 4"]
-
-
-def calibrate(
-    shots: Sequence[BoardShot], size: tuple[int, int], board: Board, config: CalibrationConfig | None = None
-) -> Calibration:
+def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> Calibration:
     """Both cameras and their relative pose, without hand-eye.
 
     Args:
         shots: The board's corners in both pictures of each shot.
         size: Width and height of the pictures [px].
         board: The board.
-        config: What is dropped, what is refused.
 
     Raises:
         CalibrationError: Too few shots fit together, left and right are swapped, or the set is too poor to trust.
     """
-    config = config or CalibrationConfig()
     used, dropped = list(shots), {}
     while True:
-        if len(used) < config.min_shots:
+        if len(used) < FEWEST_SHOTS:
             raise CalibrationError(
-                f"{len(used)} usable shots of the board, at least {config.min_shots} are needed{_because(dropped)}: "
+                f"{len(used)} usable shots of the board, at least {FEWEST_SHOTS} are needed{_because(dropped)}: "
                 "take more, with the whole board in both pictures",
                 dropped,
             )
-        estimate = _estimate(used, size, board)
-        singular = _singular(estimate.residuals_px, config)
+        rig, X_LBoard, residuals_px = _estimate(used, size, board)
+        singular = _singular(residuals_px)
         if singular is None:
             break
-        worst = estimate.residuals_px[singular].max()
+        worst = residuals_px[singular].max()
         dropped[used.pop(singular).name] = f"singular reprojection error, {worst:.2f} px"
-    _check_sides(estimate.rig)
+    _check_sides(rig)
     quality = Quality(
         coverage=image_coverage(used, size),
-        tilt_spread=tilt_spread(estimate.X_LBoard),
+        tilt_spread=tilt_spread(X_LBoard),
         held_out_px=_held_out_px(used, size, board),
-        fit_px=float(np.sqrt(np.mean(estimate.residuals_px**2))),
+        fit_px=float(np.sqrt(np.mean(residuals_px**2))),
     )
-    check(quality, config.limits)
+    check(quality)
     return Calibration(
-        rig=estimate.rig, board=board, shots=tuple(used), residuals_px=estimate.residuals_px,
-        X_LBoard=estimate.X_LBoard, dropped=dropped, quality=quality,
+        rig=rig, board=board, shots=tuple(used), residuals_px=residuals_px, X_LBoard=X_LBoard, dropped=dropped,
+        quality=quality,
     )  # fmt: skip
 
 
@@ -132,8 +104,14 @@ def fit_pose(p_B: Float[np.ndarray, "n 3"], p_A: Float[np.ndarray, "n 3"]) -> Fl
     return se3.pose(R_AB, centre_A - R_AB @ centre_B)
 
 
-def _estimate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> _Estimate:
-    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as well."""
+def _estimate(
+    shots: Sequence[BoardShot], size: tuple[int, int], board: Board
+) -> tuple[StereoRig, Float[np.ndarray, "shots 4 4"], Float[np.ndarray, "shots 2"]]:
+    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as well.
+
+    Returns:
+        The rig, the board's poses [m], and the residuals [px].
+    """
     objects = [board.points.astype(np.float32)] * len(shots)
     views = [[getattr(shot, side).astype(np.float32) for shot in shots] for side in ("left", "right")]
     cameras = []
@@ -147,22 +125,21 @@ def _estimate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
     rig = StereoRig(left=left, right=right, X_RL=se3.pose(R, p.reshape(3)))
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in shots])
     rig, X_LBoard = bundle.adjust(rig, X_LBoard, shots, board)
-    errors_px = bundle.reprojection(rig, X_LBoard, shots, board)
-    return _Estimate(rig=rig, residuals_px=bundle.residuals(errors_px), X_LBoard=X_LBoard)
+    return rig, X_LBoard, bundle.residuals(bundle.reprojection(rig, X_LBoard, shots, board))
 
 
-def _singular(residuals_px: Float[np.ndarray, "shots 2"], config: CalibrationConfig) -> int | None:
+def _singular(residuals_px: Float[np.ndarray, "shots 2"]) -> int | None:
     """The worst shot, if it stands out."""
     of_shot = residuals_px.max(axis=1)
     worst = int(of_shot.argmax())
-    limit_px = max(config.singular_ratio * float(np.median(of_shot)), config.singular_px)
+    limit_px = max(SINGULAR_RATIO * float(np.median(of_shot)), SINGULAR_PX)
     return worst if of_shot[worst] > limit_px else None
 
 
 def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> float:
     """RMS distance between found and predicted corners of shots that a calibration has not seen [px]."""
     kept = [shot for number, shot in enumerate(shots) if number % HELD_OUT_EVERY]
-    rig = _estimate(kept, size, board).rig
+    rig, _, _ = _estimate(kept, size, board)
     held_out = shots[::HELD_OUT_EVERY]
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in held_out])
     errors_px = bundle.reprojection(rig, X_LBoard, held_out, board)

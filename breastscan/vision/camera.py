@@ -41,19 +41,6 @@ class RectifiedPair:
     R_LV: Float[np.ndarray, "3 3"]
     """Rotation from the rectified left view V to the left camera L (same optical centre)."""
 
-    @property
-    def P_left(self) -> Float[np.ndarray, "3 4"]:
-        """Projection matrix M^1 of the rectified left view [Zhang, Eq. 8]."""
-        (cx, cy), f = self.centre_px, self.focal_px
-        return np.array([[f, 0, cx, 0], [0, f, cy, 0], [0, 0, 1, 0]], float)
-
-    @property
-    def P_right(self) -> Float[np.ndarray, "3 4"]:
-        """Projection matrix M^2 of the rectified right view [Zhang, Eq. 9]."""
-        P = self.P_left
-        P[0, 3] = -self.focal_px * self.baseline
-        return P
-
 
 @dataclass(frozen=True, kw_only=True)
 class StereoRig:
@@ -78,7 +65,31 @@ class StereoRig:
         Raises:
             CalibrationError: The file is missing, is not a rig, or holds numbers that no camera can have.
         """
-        return _load(Path(path))
+        path = Path(path)
+        if not path.is_file():
+            raise CalibrationError(f"no rig file at {path}: give one with --rig, or calibrate first", path)
+        try:
+            storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        except (cv2.error, SystemError) as error:
+            raise _not_a_rig(path, "OpenCV cannot parse it") from error
+        if not storage.isOpened():
+            raise _not_a_rig(path, "OpenCV cannot open it")
+        cameras = [
+            Intrinsics(
+                K=_matrix(storage, path, f"camera_matrix_{side}", (3, 3)),
+                distortion=_matrix(storage, path, f"distortion_{side}", (1, 5)).reshape(5),
+                width=_length(storage, path, f"image_width_{side}"),
+                height=_length(storage, path, f"image_height_{side}"),
+            )
+            for side in ("left", "right")
+        ]
+        X_RL = _rigid(_matrix(storage, path, "X_RL", (4, 4)), path, "X_RL")
+        has_hand_eye = not storage.getNode("X_BL").empty()
+        X_BL = _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
+        storage.release()
+        if np.linalg.norm(X_RL[:3, 3]) < 1e-3:
+            raise _not_a_rig(path, "the cameras' baseline is below 1 mm")
+        return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
 
     def save(self, path: str | Path) -> None:
         """Write the rig where `load`, OpenCV's FileStorage and any YAML reader that knows `!!opencv-matrix` read it."""
@@ -132,33 +143,6 @@ class StereoRig:
             for c, R, P in ((self.left, R1, P1), (self.right, R2, P2))
         ]
         return maps, float(P1[0, 0]), (float(P1[0, 2]), float(P1[1, 2])), R1.T
-
-
-def _load(path: Path) -> StereoRig:
-    if not path.is_file():
-        raise CalibrationError(f"no rig file at {path}: give one with --rig, or calibrate first", path)
-    try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    except (cv2.error, SystemError) as error:
-        raise _not_a_rig(path, "OpenCV cannot parse it") from error
-    if not storage.isOpened():
-        raise _not_a_rig(path, "OpenCV cannot open it")
-    cameras = [
-        Intrinsics(
-            K=_matrix(storage, path, f"camera_matrix_{side}", (3, 3)),
-            distortion=_matrix(storage, path, f"distortion_{side}", (1, 5)).reshape(5),
-            width=_length(storage, path, f"image_width_{side}"),
-            height=_length(storage, path, f"image_height_{side}"),
-        )
-        for side in ("left", "right")
-    ]
-    X_RL = _rigid(_matrix(storage, path, "X_RL", (4, 4)), path, "X_RL")
-    has_hand_eye = not storage.getNode("X_BL").empty()
-    X_BL = _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
-    storage.release()
-    if np.linalg.norm(X_RL[:3, 3]) < 1e-3:
-        raise _not_a_rig(path, "the cameras' baseline is below 1 mm")
-    return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
 
 
 def _not_a_rig(path: Path, reason: str) -> CalibrationError:

@@ -24,33 +24,17 @@ from breastscan.vision.camera import StereoRig
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 CLOSED_FORMS = {"Park": cv2.CALIB_HAND_EYE_PARK, "Daniilidis": cv2.CALIB_HAND_EYE_DANIILIDIS}
-
-
-@dataclass(frozen=True, kw_only=True)
-class HandEyeConfig:
-    """What is known of the arm and the corners, and which sets of poses are refused."""
-
-    min_poses: int = 10
-    """Fewest poses [-]; thirty are advisable."""
-    min_tilt: float = np.radians(8.0)
-    """Least spread of the flange's rotations about the second of their axes, one sigma [rad]: +-30 deg give 12."""
-    position_sigma: float = 5e-5
-    """Error of a stated flange position, one sigma along each axis [m]."""
-    rotation_sigma: float = np.radians(0.01)
-    """Error of a stated flange rotation, one sigma about each axis [rad]."""
-    corner_sigma_px: float = 0.03
-    """Error of a found corner, one sigma along each axis [px]."""
-    max_disagreement: float = 0.02
-    """Largest distance between the camera's places from both closed forms [m]."""
-    max_reprojection_px: float = 1.0
-    """Largest residual [px]."""
-
-    def __post_init__(self) -> None:
-        if self.min_poses < 3:
-            raise CalibrationError(f"hand-eye calibration needs 3 poses or more, got min_poses {self.min_poses}", self)
-        for name in ("position_sigma", "rotation_sigma", "corner_sigma_px", "max_disagreement", "max_reprojection_px"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise CalibrationError(f"{name} must be positive and finite, got {getattr(self, name)}", self)
+FEWEST_POSES = 10
+"""Thirty are advisable."""
+LEAST_TILT = np.radians(8.0)
+"""Spread of the flange's rotations about the second of their axes, one sigma [rad]: +-30 deg give 12."""
+POSITION_SIGMA, ROTATION_SIGMA = 5e-5, np.radians(0.01)
+"""Errors of a stated flange pose, one sigma along and about each axis [m, rad]."""
+CORNER_SIGMA_PX = 0.03
+"""Error of a found corner, one sigma along each axis [px]."""
+LARGEST_DISAGREEMENT = 0.02
+"""Distance between the camera's places from both closed forms [m]."""
+LARGEST_REPROJECTION_PX = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,13 +62,7 @@ class HandEye:
         return float(np.sqrt(np.mean(self.residuals_px**2)))
 
 
-def hand_eye(
-    shots: Sequence[BoardShot],
-    X_BF: Float[np.ndarray, "shots 4 4"],
-    rig: StereoRig,
-    board: Board,
-    config: HandEyeConfig | None = None,
-) -> HandEye:
+def hand_eye(shots: Sequence[BoardShot], X_BF: Float[np.ndarray, "shots 4 4"], rig: StereoRig, board: Board) -> HandEye:
     """The cameras' pose in the base, from the flange's pose at each shot of the board it holds.
 
     Args:
@@ -92,45 +70,43 @@ def hand_eye(
         X_BF: Flange poses at the same shots [m].
         rig: The calibrated cameras.
         board: The board.
-        config: What is known of the errors, what is refused.
 
     Raises:
         CalibrationError: Too few poses, too little tilt, or poses that do not belong to the shots.
     """
-    config = config or HandEyeConfig()
-    if len(shots) < config.min_poses:
+    if len(shots) < FEWEST_POSES:
         raise CalibrationError(
-            f"{len(shots)} poses with the board in both pictures, at least {config.min_poses} are needed: take 30",
+            f"{len(shots)} poses with the board in both pictures, at least {FEWEST_POSES} are needed: take 30",
             shots,
         )
     spread = tilt_spread(X_BF)
-    if spread < config.min_tilt:
+    if spread < LEAST_TILT:
         raise CalibrationError(
             f"the flange's rotations vary by {np.degrees(spread):.1f} deg about their second axis, "
-            f"{np.degrees(config.min_tilt):.0f} deg are needed: tilt the board by +-30 deg about several axes",
+            f"{np.degrees(LEAST_TILT):.0f} deg are needed: tilt the board by +-30 deg about several axes",
             spread,
         )
     shots = same_end(shots, X_BF, rig, board)
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in shots])
     starts = [closed_form(X_BF, X_LBoard, method) for method in CLOSED_FORMS.values()]
     disagreement = _disagreement(*starts)
-    if disagreement[0] > config.max_disagreement:
+    if disagreement[0] > LARGEST_DISAGREEMENT:
         raise CalibrationError(
             f"{' and '.join(CLOSED_FORMS)} place the camera {disagreement[0] * 1e3:.0f} mm apart, at most "
-            f"{config.max_disagreement * 1e3:.0f} mm are accepted: do the poses belong to these shots, in this order, "
+            f"{LARGEST_DISAGREEMENT * 1e3:.0f} mm are accepted: do the poses belong to these shots, in this order, "
             "and is the tool centre point zero?",
             disagreement,
         )
-    problem = _Joint(shots, X_BF, rig, board, config)
-    rig, X_FBoard, residuals_px = problem.solve(starts[0], _held(X_BF, starts[0], X_LBoard))
+    held = se3.inverse(X_BF[0]) @ starts[0] @ X_LBoard[0]  # from the first shot
+    rig, X_FBoard, residuals_px = _solve_jointly(shots, X_BF, rig, board, starts[0], held)
     result = HandEye(
         rig=rig, X_FBoard=X_FBoard, tilt_spread=spread, disagreement=disagreement, residuals_px=residuals_px,
         X_BF=X_BF, shots=tuple(shots),
     )  # fmt: skip
-    if result.reprojection_px > config.max_reprojection_px:
+    if result.reprojection_px > LARGEST_REPROJECTION_PX:
         raise CalibrationError(
             f"the corners depart from the fitted poses by {result.reprojection_px:.2f} px, at most "
-            f"{config.max_reprojection_px} px are accepted: did the board or a camera move in between?",
+            f"{LARGEST_REPROJECTION_PX} px are accepted: did the board or a camera move in between?",
             result.reprojection_px,
         )
     return result
@@ -176,62 +152,47 @@ def closed_form(
     return se3.pose(R, p.reshape(3))
 
 
-class _Joint:
-    """The joint least squares: small motions of every pose, weighed by what is known of the errors."""
+def _solve_jointly(
+    shots: Sequence[BoardShot],
+    X_BF: Float[np.ndarray, "n 4 4"],
+    rig: StereoRig,
+    board: Board,
+    X_BL: Float[np.ndarray, "4 4"],
+    X_FBoard: Float[np.ndarray, "4 4"],
+) -> tuple[StereoRig, Float[np.ndarray, "4 4"], Float[np.ndarray, "n 2"]]:
+    """The joint least squares from a start: small motions of every pose, weighed by what is known of the errors.
 
-    def __init__(
-        self,
-        shots: Sequence[BoardShot],
-        X_BF: Float[np.ndarray, "n 4 4"],
-        rig: StereoRig,
-        board: Board,
-        config: HandEyeConfig,
-    ) -> None:
-        self._rig, self._X_BF, self._config = rig, X_BF, config
-        self._shots, self._board = shots, board
+    Returns:
+        The rig in the base, how the board is held, and the residuals [px].
+    """
 
-    def solve(
-        self, X_BL: Float[np.ndarray, "4 4"], X_FBoard: Float[np.ndarray, "4 4"]
-    ) -> tuple[StereoRig, Float[np.ndarray, "4 4"], Float[np.ndarray, "n 2"]]:
-        """The rig in the base, how the board is held, and the residuals [px], from a start."""
-
-        def weighed(motions: Float[np.ndarray, "m"]) -> Float[np.ndarray, "k"]:
-            motions = motions.reshape(-1, 6)
-            return np.concatenate([
-                self._errors(*self._moved(X_BL, X_FBoard, motions)).ravel() / config.corner_sigma_px,
-                motions[3:, :3].ravel() / config.rotation_sigma,
-                motions[3:, 3:].ravel() / config.position_sigma,
-            ])  # fmt: skip
-
-        config = self._config
-        best = least_squares(weighed, np.zeros(6 * (3 + len(self._X_BF))), method="lm", x_scale="jac").x.reshape(-1, 6)
-        moved = self._moved(X_BL, X_FBoard, best)
-        residuals_px = bundle.residuals(self._errors(*moved))
-        X_BL, X_RL, X_FBoard, _ = moved
-        return replace(self._rig, X_RL=X_RL, X_BL=X_BL), X_FBoard, residuals_px
-
-    def _moved(self, X_BL: np.ndarray, X_FBoard: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray, ...]:
+    def moved(motions: Float[np.ndarray, "m 6"]) -> tuple[np.ndarray, ...]:
         """Both cameras, the board in the flange, and the flange at each shot, moved a little from where they were."""
         small = se3.from_rotation_vector(motions[:, :3], motions[:, 3:])
-        return X_BL @ small[0], self._rig.X_RL @ small[1], X_FBoard @ small[2], self._X_BF @ small[3:]
+        return X_BL @ small[0], rig.X_RL @ small[1], X_FBoard @ small[2], X_BF @ small[3:]
 
-    def _errors(
-        self, X_BL: np.ndarray, X_RL: np.ndarray, X_FBoard: np.ndarray, X_BF: np.ndarray
+    def errors_px(
+        X_BL: np.ndarray, X_RL: np.ndarray, X_FBoard: np.ndarray, X_BF: np.ndarray
     ) -> Float[np.ndarray, "n 2 corners 2"]:
-        """Predicted minus found corners [px]."""
-        X_LBoard = se3.inverse(X_BL) @ X_BF @ X_FBoard
-        return bundle.reprojection(replace(self._rig, X_RL=X_RL), X_LBoard, self._shots, self._board)
+        return bundle.reprojection(replace(rig, X_RL=X_RL), se3.inverse(X_BL) @ X_BF @ X_FBoard, shots, board)
+
+    def weighed(x: Float[np.ndarray, "m"]) -> Float[np.ndarray, "k"]:
+        motions = x.reshape(-1, 6)
+        return np.concatenate([
+            errors_px(*moved(motions)).ravel() / CORNER_SIGMA_PX,
+            motions[3:, :3].ravel() / ROTATION_SIGMA,
+            motions[3:, 3:].ravel() / POSITION_SIGMA,
+        ])  # fmt: skip
+
+    best = least_squares(weighed, np.zeros(6 * (3 + len(X_BF))), method="lm", x_scale="jac").x.reshape(-1, 6)
+    X_BL_best, X_RL, X_FBoard_best, _ = poses = moved(best)
+    return replace(rig, X_RL=X_RL, X_BL=X_BL_best), X_FBoard_best, bundle.residuals(errors_px(*poses))
 
 
 def _relative_angles(R_A: Float[np.ndarray, "n 3 3"], R_B: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n n"]:
     """Angle between each rotation of the first set and each of the second [rad]."""
     trace = np.einsum("aij,bij->ab", R_A, R_B)
     return np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
-
-
-def _held(X_BF: np.ndarray, X_BL: np.ndarray, X_LBoard: np.ndarray) -> Float[np.ndarray, "4 4"]:
-    """How the flange holds the board, from the first shot."""
-    return se3.inverse(X_BF[0]) @ X_BL @ X_LBoard[0]
 
 
 def _disagreement(first: Float[np.ndarray, "4 4"], second: Float[np.ndarray, "4 4"]) -> tuple[float, float]:

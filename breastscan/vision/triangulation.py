@@ -24,23 +24,3 @@ def depth_map(disparity: Float32[np.ndarray, "h w"], pair: RectifiedPair) -> Flo
     """Depth of each left pixel along the axis of the rectified left view [m]; NaN where `triangulate` has none."""
     known = np.where(disparity > 0, disparity, np.nan)
     return (pair.focal_px * pair.baseline / known).astype(np.float32)
-
-
-def triangulate_points(
-    P1: Float[np.ndarray, "3 4"],
-    P2: Float[np.ndarray, "3 4"],
-    uv1: Float[np.ndarray, "n 2"],
-    uv2: Float[np.ndarray, "n 2"],
-) -> Float[np.ndarray, "n 3"]:
-    """Points seen at `uv1` [px] by the camera with projection `P1` and at `uv2` by that with `P2` [Zhang, Eqs. 8-11].
-
-    The frame and unit are those that the projections take. Four equations, three unknowns: least squares.
-    """
-    rows = [
-        uv[:, i, None] * P[2] - P[i]  # (u m_3 - m_1) (X, 1) = 0, and likewise for v [Zhang, Eq. 10]
-        for P, uv in ((P1, uv1), (P2, uv2))
-        for i in range(2)
-    ]
-    equations = np.stack(rows, axis=1)
-    A, b = equations[..., :3], -equations[..., 3]
-    return (np.linalg.pinv(A) @ b[..., None])[..., 0]

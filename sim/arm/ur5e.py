@@ -19,7 +19,7 @@ from breastscan.geometry.kinematics import DH_A, DH_ALPHA, DH_D
 from breastscan.robot.ur.targets import ANGLE_LIMIT as ANGLE_LIMIT
 from breastscan.robot.ur.targets import SPEED_LIMIT as SPEED_LIMIT
 from sim.arm.ur5e_shapes import MATERIALS, base_shapes, link_capsules, link_shapes
-from sim.room.describe import Element, add_collision, add_visual, placed
+from sim.room.describe import Element, add_collision, add_materials, add_visual, placed
 
 Vector = tuple[float, float, float]
 
@@ -99,8 +99,7 @@ def add_arm(root: Element, arm: KinematicCalibration | None = None) -> Element:
         The body of the tool flange, whose frame is F.
     """
     arm = arm or KinematicCalibration.nominal()
-    for name, look in MATERIALS.items():
-        root.asset.add("material", name=name, rgba=look.rgba, specular=look.shine, shininess=look.shine)
+    add_materials(root, MATERIALS)
     body = root.worldbody.add("body", name="base")
     _add_shapes(body, "base", base_shapes())
     for number, (joint, X_joint) in enumerate(zip(JOINTS, arm.X_joints, strict=True), start=1):

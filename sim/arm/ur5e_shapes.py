@@ -4,8 +4,6 @@ Each link is drawn in the frame that turns with its joint: z along the joint's a
 before it. Measures are read off the arm's outline; they carry no mechanics.
 """
 
-from dataclasses import dataclass
-
 import trimesh
 
 from sim.room.shapes import MINUS_X, MINUS_Y, MINUS_Z, Point, Y, Z, along, barrel, cap, joined, lathe, tube
@@ -14,19 +12,11 @@ Shapes = dict[str, trimesh.Trimesh]
 Capsule = tuple[Point, Point, float]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """Colour and gloss of a material."""
-
-    rgba: tuple[float, float, float, float]
-    shine: float
-
-
 MATERIALS = {
-    "shell": Look(rgba=(0.80, 0.81, 0.82, 1.0), shine=0.35),
-    "lid": Look(rgba=(0.42, 0.66, 0.83, 1.0), shine=0.30),
-    "seal": Look(rgba=(0.13, 0.135, 0.145, 1.0), shine=0.20),
-    "metal": Look(rgba=(0.52, 0.53, 0.55, 1.0), shine=0.55),
+    "shell": ((0.80, 0.81, 0.82, 1.0), 0.35),
+    "lid": ((0.42, 0.66, 0.83, 1.0), 0.30),
+    "seal": ((0.13, 0.135, 0.145, 1.0), 0.20),
+    "metal": ((0.52, 0.53, 0.55, 1.0), 0.55),
 }
 
 SHOULDER_HEIGHT = 0.1625

@@ -43,7 +43,7 @@ def unusable() -> str | None:
 
 
 class FilamentCanvas:
-    """A canvas of fixed size; implements `sim.cameras.picture.Canvas`. Ask `unusable` first."""
+    """A canvas of fixed size, as `sim.cameras.picture.ClassicCanvas` is. Ask `unusable` first."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         import mujoco.studio  # noqa: F401 (brings the renderer's materials)

@@ -33,20 +33,14 @@ def canvases(rig: StereoRig, supersampling: int) -> dict[str, Intrinsics]:
     seen = {"left": _seen(rig.left), "right": _seen(rig.right)}
     width, height = np.max([size for _, size in seen.values()], axis=0)
     return {
-        side: _finer(_moved(getattr(rig, side), origin, int(width), int(height)), supersampling)
+        side: _resampled(_moved(getattr(rig, side), origin, int(width), int(height)), supersampling, 1)
         for side, (origin, _) in seen.items()
     }
 
 
 def binned(camera: Intrinsics, factor: int) -> Intrinsics:
     """The same view with `factor` x `factor` pixels read out as one."""
-    K = camera.K.copy()
-    K[:2, 2] += 0.5
-    K[:2] /= factor
-    K[:2, 2] -= 0.5
-    return Intrinsics(
-        K=K, distortion=camera.distortion, width=camera.width // factor, height=camera.height // factor
-    )  # fmt: skip
+    return _resampled(camera, 1, factor)
 
 
 def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[str, object]:
@@ -66,8 +60,7 @@ def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[s
 
 def pixel_rays(camera: Intrinsics) -> Float[np.ndarray, "n 3"]:
     """Directions (x, y, 1) in the camera's frame of what its pixels look at, row by row; NaN where no ray arrives."""
-    pixels = np.stack(np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height)), axis=-1)
-    pixels = pixels.reshape(-1, 2)
+    pixels = _pixels(camera)
     rays = np.column_stack([_undistorted(camera, pixels, np.eye(3)), np.ones(len(pixels))])
     rays[_off_axis(camera, pixels) > _field_stop(camera)] = np.nan
     return rays
@@ -103,15 +96,8 @@ def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
     The distortion grows with the radius, so the outermost rays are those of the image's rim, or of the field stop where
     the rim lies beyond it.
     """
-    across, down = np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float)
-    rim = np.concatenate(
-        [
-            np.stack([across, np.zeros_like(across)], axis=1),
-            np.stack([across, np.full_like(across, camera.height - 1)], axis=1),
-            np.stack([np.zeros_like(down), down], axis=1),
-            np.stack([np.full_like(down, camera.width - 1), down], axis=1),
-        ]
-    )
+    pixels = _pixels(camera)
+    rim = pixels[((pixels == 0) | (pixels == (camera.width - 1, camera.height - 1))).any(axis=1)]
     focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
     ray = (rim - centre) / focal
     ray *= np.minimum(1, _field_stop(camera) / np.linalg.norm(ray, axis=1, keepdims=True))
@@ -121,6 +107,11 @@ def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
     return low, high - low
 
 
+def _pixels(camera: Intrinsics) -> Float[np.ndarray, "n 2"]:
+    """Places of all pixels, row by row [px]."""
+    return np.indices((camera.height, camera.width), float)[::-1].reshape(2, -1).T.copy()
+
+
 def _moved(camera: Intrinsics, origin: Float[np.ndarray, "2"], width: int, height: int) -> Intrinsics:
     """An ideal pinhole along the camera's axis whose image starts at `origin` of the camera's [px]."""
     K = camera.K.copy()
@@ -128,26 +119,25 @@ def _moved(camera: Intrinsics, origin: Float[np.ndarray, "2"], width: int, heigh
     return Intrinsics(K=K, distortion=np.zeros(5), width=width, height=height)
 
 
-def _finer(pinhole: Intrinsics, factor: int) -> Intrinsics:
-    """The same view with every pixel divided into `factor` x `factor`."""
-    K = pinhole.K.copy()
+def _resampled(camera: Intrinsics, up: int, down: int) -> Intrinsics:
+    """The same view with every pixel divided into `up` x `up`, and `down` x `down` of these read out as one."""
+    K = camera.K.copy()
     K[:2, 2] += 0.5
-    K[:2] *= factor
+    K[:2] *= up
+    K[:2] /= down
     K[:2, 2] -= 0.5
-    return Intrinsics(K=K, distortion=np.zeros(5), width=pinhole.width * factor, height=pinhole.height * factor)
+    width, height = camera.width * up // down, camera.height * up // down
+    return Intrinsics(K=K, distortion=camera.distortion, width=width, height=height)
 
 
 def _undistorted(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"], K: np.ndarray) -> Float[np.ndarray, "n 2"]:
     """Where the rays of the camera's `pixels` meet the image of the ideal pinhole `K` [px]."""
-    return cv2.undistortPointsIter(
-        pixels[:, None], camera.K, camera.distortion, np.eye(3), K, UNDISTORT_UNTIL
-    )[:, 0]  # fmt: skip
+    return cv2.undistortPointsIter(pixels[:, None], camera.K, camera.distortion, np.eye(3), K, UNDISTORT_UNTIL)[:, 0]
 
 
 def _canvas_positions(camera: Intrinsics, pinhole: Intrinsics) -> Float32[np.ndarray, "h w 2"]:
     """Where on the canvas [px] each pixel of the camera's image looks; far outside where the lens lets no ray in."""
-    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    pixels = _pixels(camera)
     positions = _undistorted(camera, pixels, pinhole.K)
     positions[_off_axis(camera, pixels) > _field_stop(camera)] = OUTSIDE_PX
     return positions.reshape(camera.height, camera.width, 2).astype(np.float32)

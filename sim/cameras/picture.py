@@ -2,8 +2,6 @@
 # (MuJoCo's compiled modules carry no types)
 """Drawing the scene off screen: the arm at given joint angles, the skin as deformed."""
 
-from typing import Protocol, runtime_checkable
-
 import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -16,23 +14,8 @@ from sim.room.describe import COLLISION_GROUP
 from sim.scene import Scene
 
 
-@runtime_checkable
-class Canvas(Protocol):
-    """What a renderer of a fixed size does."""
-
-    def draw(
-        self, data: mujoco.MjData, camera: mujoco.MjvCamera, options: mujoco.MjvOption
-    ) -> UInt8[np.ndarray, "h w 3"]:
-        """RGB picture; valid until the next call."""
-        ...
-
-    def close(self) -> None:
-        """Give the graphics memory back."""
-        ...
-
-
 class Picture:
-    """A canvas of fixed size on which the scene is drawn. Close it, or use it in a `with` statement."""
+    """A canvas of fixed size on which the scene is drawn. Close it."""
 
     def __init__(self, scene: Scene, width: int, height: int, *, shadows: bool = True, fine: bool = False) -> None:
         """Open the canvas.
@@ -55,7 +38,7 @@ class Picture:
         self._options.geomgroup[COLLISION_GROUP] = 0
         self._options.sitegroup[:] = 0
         self._options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
-        self._canvas: Canvas = (
+        self._canvas = (
             FilamentCanvas(self._model, width, height) if fine else ClassicCanvas(self._model, width, height, shadows)
         )
 
@@ -82,12 +65,6 @@ class Picture:
     def close(self) -> None:
         """Give the graphics memory back."""
         self._canvas.close()
-
-    def __enter__(self) -> "Picture":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class ClassicCanvas:

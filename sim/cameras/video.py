@@ -3,6 +3,7 @@
 """The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the corner."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def render_still(
     skin_S = pressed_skin(scene, tissue, q)
     tissue.reset()
     drawn_px = _scaled(size_px, FINE_SUPERSAMPLING if fine else STILL_SUPERSAMPLING)
-    with Picture(scene, *drawn_px, fine=fine) as picture:
+    with closing(Picture(scene, *drawn_px, fine=fine)) as picture:
         return _shoot(picture, view, q, skin_S, size_px)
 
 
@@ -160,8 +161,8 @@ def _frames(
     frame_px = (config.width, config.height)
     inset_px = _scaled(frame_px, INSET_SHARE)
     with (
-        Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine) as wide,
-        Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine) as near,
+        closing(Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine)) as wide,
+        closing(Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine)) as near,
     ):
         for row in rows:
             q, time = footage.q[row], float(footage.time[row])

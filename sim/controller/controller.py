@@ -15,8 +15,8 @@ from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
 from sim.controller.states import RobotMode, Runtime, Safety
-from sim.controller.urscript.code import Script
-from sim.controller.urscript.program import Program, Thread, load
+from sim.controller.urscript.compiler import load
+from sim.controller.urscript.program import Program, Script, Thread
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.values import SHOWN, ScriptError
 from sim.controller.variables import INPUTS, REGISTERS, zero

@@ -249,9 +249,7 @@ def _poses() -> Iterable[Function]:
 
 def _kinematics(controller: Controller) -> Iterable[Function]:
     near = Parameter("qnear", JOINTS, None)
-    tolerances = (
-        near, Parameter("maxPositionError", NUMBER, 0.0), Parameter("maxOrientationError", NUMBER, 0.0),
-    )  # fmt: skip
+    tolerances = (near, Parameter("maxPositionError", NUMBER, 0.0), Parameter("maxOrientationError", NUMBER, 0.0))
 
     def forward(q: Vector6 | None, tcp: Pose | None) -> Pose:
         joints = controller.state.q if q is None else q

@@ -157,9 +157,7 @@ class Connection:
 
     def _set_up_inputs(self, payload: bytes) -> None:
         names = _names(payload)
-        kinds = [
-            INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE" for name in names
-        ]  # fmt: skip
+        kinds = [INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE" for name in names]
         number = 0
         fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
         if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):

@@ -41,6 +41,12 @@ def add_material(
     return root.asset.add("material", name=name, rgba=rgba, specular=shine, shininess=shine, texture=texture)
 
 
+def add_materials(root: Element, looks: dict[str, tuple[tuple[float, float, float, float], float]]) -> None:
+    """Materials of one colour by name, each with its specular share."""
+    for name, (rgba, shine) in looks.items():
+        add_material(root, name, rgba, shine)
+
+
 def _png(image: UInt8[np.ndarray, "h w 3"]) -> mjcf.Asset:
     _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     return mjcf.Asset(encoded.tobytes(), ".png")

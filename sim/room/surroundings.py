@@ -5,7 +5,7 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from breastscan.geometry import se3
-from sim.room.describe import Element, add_collision, add_material, add_mesh_geom, add_visual
+from sim.room.describe import Element, add_collision, add_material, add_materials, add_mesh_geom, add_visual
 from sim.room.shapes import Z, along, barrel, joined, loft, moved, superellipse
 from sim.tissue.phantom import PLATE_SIDE
 
@@ -52,8 +52,7 @@ CHEST_HULL = "chest_hull"
 
 def add_room(root: Element) -> None:
     """Floor, table, sky and lights."""
-    for name, (rgba, shine) in COLOURS.items():
-        add_material(root, name, rgba, shine)
+    add_materials(root, COLOURS)
     _add_lights(root)
     _add_fine_looks(root)
     _add_floor(root)

@@ -48,12 +48,6 @@ class BreastShape:
     areola_radius: float = 0.016
     """Radius of the areola [m]."""
 
-    @property
-    def volume(self) -> float:
-        """Volume without nipple and areola [m^3]."""
-        height = self.height - self.nipple_height - self.areola_height
-        return np.pi * self.radius**2 * (1 - self.elongation**2) * height * (0.5 + self.roundness / 6)
-
 
 def supine(a1: float, a2: float, a3: float, e1: float) -> BreastShape:
     """VICTRE's breast with these coefficients, laid on its back at the same volume."""

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from sim.tissue.complementarity import MARGIN, solve_contact
-from sim.wrist.probe_face import distance
+from sim.wrist.probe_face import components_P, distance
 
 REACH = 0.030
 """Deepest penetration that is looked for, far beyond where linear elasticity holds [m]."""
@@ -59,7 +59,7 @@ def find_near(face, X_SP, vertices_S):
     lowest = -inner_radius * (1 - cosine) - REACH
     index, count = np.empty(len(vertices_S), np.int64), 0
     for i in range(len(vertices_S)):
-        x, y, z = _components_P(
+        x, y, z = components_P(
             X_SP, vertices_S[i, 0] - X_SP[0, 3], vertices_S[i, 1] - X_SP[1, 3], vertices_S[i, 2] - X_SP[2, 3]
         )
         if abs(x) < half_chord and abs(y) < half_elevation and lowest < z < MARGIN:
@@ -79,21 +79,10 @@ def find_gaps(face, X_SP, points_S, normals_S):
     gap = np.empty(len(points_S))
     for k in range(len(points_S)):
         p, n = points_S[k], normals_S[k]
-        x, y, z = _components_P(X_SP, p[0] - X_SP[0, 3], p[1] - X_SP[1, 3], p[2] - X_SP[2, 3])
-        ix, iy, iz = _components_P(X_SP, -n[0], -n[1], -n[2])
+        x, y, z = components_P(X_SP, p[0] - X_SP[0, 3], p[1] - X_SP[1, 3], p[2] - X_SP[2, 3])
+        ix, iy, iz = components_P(X_SP, -n[0], -n[1], -n[2])
         gap[k] = -_distance_inwards(face, x, y, z, ix, iy, iz)
     return gap
-
-
-@numba.njit(cache=True)
-@no_type_check
-def _components_P(X_SP, x, y, z):
-    """Components in basis P of the free vector (x, y, z) of basis S."""
-    return (
-        X_SP[0, 0] * x + X_SP[1, 0] * y + X_SP[2, 0] * z,
-        X_SP[0, 1] * x + X_SP[1, 1] * y + X_SP[2, 1] * z,
-        X_SP[0, 2] * x + X_SP[1, 2] * y + X_SP[2, 2] * z,
-    )
 
 
 @numba.njit(cache=True)

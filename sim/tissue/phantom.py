@@ -32,8 +32,6 @@ the nipple)."""
 TEXTURE_SIZE_PX = 2048
 TEXTURE_RIM = 0.49
 """Distance from the middle of the texture at which the base of the breast lies [image widths]."""
-PLASTIC_SHINE = 0.25
-"""Specular share of printed plastic, a satin filament [-]."""
 PLATE_SIDE = 0.4
 """Side of the square that `Phantom.plate_texture` covers [m]."""
 
@@ -142,11 +140,6 @@ class Phantom:
         """Colours of the chest plate around the breast, RGB, `PLATE_SIDE` wide; it can be tiled."""
         size = TEXTURE_SIZE_PX // 2
         return self._looks(np.random.default_rng([self.config.seed, 1]), size, PLATE_SIDE / size, 0.0)
-
-    @property
-    def shine(self) -> float:
-        """Specular share of what the skin reflects [-]."""
-        return PLASTIC_SHINE if self.config.texture == "plastic" else 0.0
 
     def _looks(
         self, rng: np.random.Generator, size: int, pixel: float, areola_radius: float

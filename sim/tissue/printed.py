@@ -15,7 +15,7 @@ from sim.tissue import dome
 from sim.tissue.contact import Contact, ContactPatch, with_motion
 from sim.tissue.hemisphere import hemisphere
 from sim.tissue.phantom import Phantom
-from sim.wrist.probe_face import ProbeFace, distance
+from sim.wrist.probe_face import ProbeFace, components_P, distance
 
 LENS_YOUNG, LENS_POISSON = 2e6, 0.49
 """Silicone of Shore A 40, as acoustic lenses are made of [Pa], [-]; an engineering value."""
@@ -159,12 +159,7 @@ def _on_face(numbers, X_SP, direction):
     """A point of the skin in P [m]."""
     length = math.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
     x, y, z = dome.embed_point(numbers, direction[0] / length, direction[1] / length, direction[2] / length)
-    x, y, z = x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3]
-    return (
-        X_SP[0, 0] * x + X_SP[1, 0] * y + X_SP[2, 0] * z,
-        X_SP[0, 1] * x + X_SP[1, 1] * y + X_SP[2, 1] * z,
-        X_SP[0, 2] * x + X_SP[1, 2] * y + X_SP[2, 2] * z,
-    )
+    return components_P(X_SP, x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3])
 
 
 @numba.njit(cache=True)

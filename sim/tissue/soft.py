@@ -48,17 +48,14 @@ class SoftTissue:
         self._warned = False
 
     @staticmethod
-    def build(
-        phantom: Phantom, progress: Callable[[float, str], None] | None = None, *, skin_points: int = SKIN_POINTS
-    ) -> "SoftTissue":
+    def build(phantom: Phantom, progress: Callable[[float, str], None] | None = None) -> "SoftTissue":
         """Compute the tissue's compliance, or load it where it was computed before.
 
         Args:
             phantom: Shape and elasticity.
             progress: Told the share done (0 to 1) and what is being done.
-            skin_points: About how many finite-element vertices to put on the skin.
         """
-        return SoftTissue(phantom, cached_compliance(phantom, skin_points, progress))
+        return SoftTissue(phantom, cached_compliance(phantom, SKIN_POINTS, progress))
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
         """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, into the tissue."""

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.robot.payload import Payload
-from sim.room.describe import Element, add_collision, add_visual, placed
+from sim.room.describe import Element, add_collision, add_materials, add_visual, placed
 from sim.room.shapes import MINUS_Y, Z, along, barrel, hose, joined, loft, moved, superellipse
 from sim.wrist.probe_face import ProbeFace
 
@@ -67,8 +67,7 @@ def payload(mount_angle: float) -> Payload:
 def add_tool(flange: Element, mount_angle: float, face: ProbeFace) -> None:
     """Hang sensor, mount and probe on the flange; sites `wrist` and `tip` and two sensors go with them."""
     root = flange.root
-    for name, (rgba, shine) in MATERIALS.items():
-        root.asset.add("material", name=name, rgba=rgba, specular=shine, shininess=shine)
+    add_materials(root, MATERIALS)
     _add_sensor_housing(flange)
     tool = flange.add("body", name="tool", gravcomp=1)
     _add_inertia(tool, mount_angle)

@@ -100,9 +100,7 @@ class WrenchSensor:
         """Take a wrench that `measure` gave as zero."""
         self._zero_P = self._zero_P + measured_P
 
-    def _sense(
-        self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray
-    ) -> np.ndarray:  # fmt: skip
+    def _sense(self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray) -> np.ndarray:
         """A period of the sensor."""
         reading_F = self._read(load_F, R_WF)
         if self._periods % self._hold == 0:

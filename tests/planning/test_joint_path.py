@@ -59,18 +59,18 @@ def test_joints_stay_inside_every_limit_without_a_flip(planned):
 
 def test_joint_speeds_carry_the_probe_at_the_feedrate(ring, planned):
     p_F = probe_mount()[:3, 3]
-    J = kinematics.jacobian(planned.q, p_F)
-    velocity = np.einsum("nij,nj->ni", J[:, :3], planned.qd)
+    velocity_B, turn_B = np.einsum("nkij,nj->kni", kinematics.jacobian(planned.q).reshape(-1, 2, 3, 6), planned.qd)
+    velocity = velocity_B + np.cross(turn_B, kinematics.forward(planned.q)[:, :3, :3] @ p_F)
     np.testing.assert_allclose(velocity, np.gradient(ring[0], PERIOD, axis=0), atol=1e-6)
 
 
 def test_elbow_stays_above_the_line_from_shoulder_to_wrist(planned):
-    heights = kinematics.link_frames(planned.q)[:, 1:4, 2, 3]
+    heights = kinematics.link_heights(planned.q)[:, 1:4]
     assert np.all(heights[:, 1] > (heights[:, 0] + heights[:, 2]) / 2)
 
 
 def test_arm_stays_above_the_floor(planned):
-    heights = kinematics.link_frames(planned.q)[:, 2:, 2, 3]
+    heights = kinematics.link_heights(planned.q)[:, 2:]
     assert heights.min() >= JointPathConfig().floor
 
 

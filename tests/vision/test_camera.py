@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 from breastscan.vision.camera import Intrinsics, StereoRig
-from breastscan.vision.triangulation import triangulate_points
+from tests.vision.projections import projections
 
 
 def toed_in_rig() -> StereoRig:
@@ -65,7 +65,7 @@ def test_rectified_dots_lie_where_the_projection_matrices_say():
         ]
         pair = rig.rectify(*images)
         p_V = (pair.R_LV.T @ point)[None]
-        left_px, right_px = project(pair.P_left, p_V)[0], project(pair.P_right, p_V)[0]
+        left_px, right_px = (project(P, p_V)[0] for P in projections(pair))
         assert abs(left_px[1] - right_px[1]) < 1e-9
         np.testing.assert_allclose(dot_centre(pair.left, left_px), left_px, atol=0.05)
         np.testing.assert_allclose(dot_centre(pair.right, right_px), right_px, atol=0.05)
@@ -76,9 +76,10 @@ def test_disparity_of_the_rectified_views_gives_depth():
     image = np.zeros((240, 320), np.uint8)
     pair = rig.rectify(image, image)
     p_V = points_in_view() @ pair.R_LV
-    left_px, right_px = project(pair.P_left, p_V), project(pair.P_right, p_V)
+    left_px, right_px = (project(P, p_V) for P in projections(pair))
     np.testing.assert_allclose(pair.focal_px * pair.baseline / (left_px - right_px)[:, 0], p_V[:, 2])
-    np.testing.assert_allclose(triangulate_points(pair.P_left, pair.P_right, left_px, right_px), p_V, atol=1e-9)
+    points = cv2.triangulatePoints(*projections(pair), left_px.T, right_px.T)
+    np.testing.assert_allclose((points[:3] / points[3]).T, p_V, atol=1e-9)
     assert abs(pair.baseline - np.linalg.norm(rig.X_RL[:3, 3])) < 1e-12
 
 

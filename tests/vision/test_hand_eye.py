@@ -6,7 +6,7 @@ import pytest
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.vision.calibration import board_pose
-from breastscan.vision.hand_eye import CLOSED_FORMS, HandEyeConfig, closed_form, hand_eye, same_end
+from breastscan.vision.hand_eye import CLOSED_FORMS, closed_form, hand_eye, same_end
 from tests.vision.board_shots import BOARD, flange_poses, make_rig, shots_of
 
 X_FBOARD = se3.from_rotation_vector(np.array([0.02, -0.01, 0.3]), np.array([-0.27, -0.05, 0.12]))
@@ -92,9 +92,3 @@ def test_too_few_poses_are_refused(rig, X_BF):
 def test_poses_of_other_shots_are_refused(rig, X_BF):
     with pytest.raises(CalibrationError, match="belong to these shots"):
         hand_eye(shots_at(rig, X_BF, 0.02), np.roll(X_BF, 1, axis=0), without_place(rig), BOARD)
-
-
-@pytest.mark.parametrize("wrong", [{"min_poses": 2}, {"position_sigma": 0.0}, {"corner_sigma_px": float("inf")}])
-def test_settings_that_cannot_be_are_refused(wrong):
-    with pytest.raises(CalibrationError):
-        HandEyeConfig(**wrong)

@@ -94,11 +94,7 @@ def _require_ready(dashboard: "_Dashboard", host: str) -> None:
     checks = (
         ("robotmode", "RUNNING", "power it on and release the brakes, on the pendant"),
         ("safetymode", "NORMAL", "clear the stop on the pendant, after looking why it came"),
-        (
-            "is in remote control",
-            "TRUE",
-            "remote control is off: switch it on, top right on the pendant",
-        ),
+        ("is in remote control", "TRUE", "remote control is off: switch it on, top right on the pendant"),
     )
     for question, expected, cure in checks:
         answer = dashboard.ask(question)

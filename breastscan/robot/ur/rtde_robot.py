@@ -84,6 +84,11 @@ class RtdeConfig:
 class RtdeRobot:
     """Implements `breastscan.robot.interface.Robot` over RTDE."""
 
+    period = 1 / FREQUENCY
+    """Control period [s]."""
+    servo_lag = TRANSPORT + LOOKAHEAD_TIME
+    """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's law imply."""
+
     def __init__(self, config: RtdeConfig) -> None:
         """Connect and take the arm over where it stands.
 
@@ -92,36 +97,14 @@ class RtdeRobot:
             CalibrationError: The calibration's file cannot be used.
         """
         self._config = config
+        self.X_FP = config.X_FP
+        """Pose of the probe tip in the flange."""
         file = config.calibration
-        self._calibration = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
+        self.calibration = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
+        """The arm's kinematics from the file of the configuration, else the nominal ones."""
         self._zero_P = np.zeros(6)
         self._context = multiprocessing.get_context("spawn")
         self._connect()
-
-    @property
-    def period(self) -> float:
-        """Control period [s]."""
-        return 1 / FREQUENCY
-
-    @property
-    def X_FP(self) -> Float[np.ndarray, "4 4"]:
-        """Pose of the probe tip in the flange."""
-        return self._config.X_FP
-
-    @property
-    def calibration(self) -> KinematicCalibration:
-        """The arm's kinematics from the file of the configuration, else the nominal ones."""
-        return self._calibration
-
-    @property
-    def servo_lag(self) -> float:
-        """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's law imply."""
-        return TRANSPORT + LOOKAHEAD_TIME
-
-    @property
-    def speed_fraction(self) -> float:
-        """Where the speed slider stood on connecting, 0 to 1."""
-        return self._speed_fraction
 
     @property
     def fault_time(self) -> float:
@@ -240,7 +223,7 @@ class RtdeRobot:
         self._requests, answers = self._context.Pipe()
         setup = WorkerSetup(
             host=self._config.host,
-            tip_F=_tip_F(self._config.X_FP),
+            tip_F=_tip_F(self.X_FP),
             payload=self._config.payload,
             limits=self._config.limits,
             real_time=self._config.real_time,
@@ -252,7 +235,8 @@ class RtdeRobot:
         theirs.close()
         answers.close()
         self._number = 0
-        self._speed_fraction = float(self._greeting())
+        self.speed_fraction = float(self._greeting())
+        """Where the speed slider stood on connecting, 0 to 1."""
         self._park()
 
     def _greeting(self) -> float:
@@ -364,7 +348,7 @@ class RtdeRobot:
         return faults.error(Fault.DIED if fault in faults.PASSING else fault)
 
     def _as_robot_state(self, state: ControllerState) -> RobotState:
-        R_PB = (self._calibration.forward(state.q)[:3, :3] @ self._config.X_FP[:3, :3]).T
+        R_PB = (self.calibration.forward(state.q)[:3, :3] @ self.X_FP[:3, :3]).T
         wrench_P = np.concatenate([R_PB @ state.force_B[:3], R_PB @ state.force_B[3:]]) - self._zero_P
         return RobotState(time=state.time, q=state.q, qd=state.qd, wrench_P=wrench_P, sample=state.sample)
 

@@ -37,9 +37,7 @@ def sweep_for(disparities: int, paths: int, completes: bool) -> Callable:
     """The first or the completing half of a sweep: loops of known length are a seventh faster."""
 
     @kernel
-    def sweep(
-        left, right, rises, costs, result, path_costs, floors, downwards, first_step, last_step, matching
-    ):  # fmt: skip
+    def sweep(left, right, rises, costs, result, path_costs, floors, downwards, first_step, last_step, matching):
         """Steps `first_step` to `last_step`, in rows from where the sweep began."""
         height, width = result.shape
         first = matching.largest_disparity + 1 - disparities
@@ -70,9 +68,7 @@ def sweep_for(disparities: int, paths: int, completes: bool) -> Callable:
 
 
 @kernel
-def _step(
-    x, row, row_floor, behind, ahead, costs, rises, totals, right_best, matching, disparities, paths, completes
-):  # fmt: skip
+def _step(x, row, row_floor, behind, ahead, costs, rises, totals, right_best, matching, disparities, paths, completes):
     """One pixel, all lines through it: gives the row's new floor and, if completing, the winner [Zhang, Eq. 6]."""
     slots = ahead.floors.size // (paths // 2 - 1)
     column = x + 1

@@ -1,17 +1,28 @@
-"""A program's tree to flat code: what each statement does. `expressions` has what it computes, `code` what code is."""
+"""A program's tree to flat code: what each statement does. `expressions` has what it computes, `code` writes."""
 
 from collections.abc import Generator, Mapping
 
 from sim.controller.urscript import syntax
-from sim.controller.urscript.code import UNSET, WAITING, Code, Evaluate, Jump, Machine, Script, Slots, Writer
+from sim.controller.urscript.code import Evaluate, Jump, Writer
 from sim.controller.urscript.expressions import Expressions, constant
+from sim.controller.urscript.program import UNSET, WAITING, Code, Script, Slots, Thread
 from sim.controller.urscript.signature import Function
-from sim.controller.urscript.syntax import Expression, Routine
+from sim.controller.urscript.syntax import Expression, Routine, parse
 from sim.controller.urscript.values import ScriptError, with_element
 from sim.controller.urscript.world import World, assigned, statements
 
 MOST_VARIABLES = 1000
 """Of a routine, and of all routines together the global ones."""
+
+
+def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
+    """Make a program of a text; waits often, since that may take many periods.
+
+    Raises:
+        ScriptError: It is no program, or calls what is not there.
+    """
+    tree = yield from parse(source)
+    return (yield from compile_program(tree, functions))
 
 
 def compile_program(program: Routine, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
@@ -77,7 +88,7 @@ class _Statements:
         if len(self._locals) > MOST_VARIABLES:
             raise self._writer.error(f"a routine has {MOST_VARIABLES} variables at most")
         yield from self._block(self._routine.body)
-        self._writer.emit(lambda slots, machine: machine.leave(None))
+        self._writer.emit(lambda slots, thread: thread.leave(None))
 
     def _block(self, block: syntax.Block) -> Generator[None, None, None]:
         for statement in block:
@@ -100,7 +111,7 @@ class _Statements:
                 yield from self._loop(statement)
             case syntax.Return():
                 value = constant(None) if statement.value is None else self._expressions.value(statement.value)
-                self._writer.emit(lambda slots, machine: machine.leave(value(slots)))
+                self._writer.emit(lambda slots, thread: thread.leave(value(slots)))
             case syntax.Word():
                 self._word(statement.word)
             case syntax.ThreadEnd():
@@ -109,7 +120,7 @@ class _Statements:
     def _evaluation(self, expression: Expression) -> None:
         value, following = self._expressions.value(expression), self._writer.following
 
-        def step(slots: Slots, machine: Machine) -> int:
+        def step(slots: Slots, thread: Thread) -> int:
             value(slots)
             return following
 
@@ -134,7 +145,7 @@ class _Statements:
         following = self._writer.following
         variables, place = self._world.variables, self._world.shared[name]
 
-        def step(slots: Slots, machine: Machine) -> int:
+        def step(slots: Slots, thread: Thread) -> int:
             variables[place] = value(slots)
             return following
 
@@ -158,7 +169,7 @@ class _Statements:
         self._loops.append((begin, []))
         yield from self._block(statement.body)
         self._writer.line = statement.line
-        self._writer.emit(lambda slots, machine: begin)
+        self._writer.emit(lambda slots, thread: begin)
         _, breaks = self._loops.pop()
         for jump in [out, *breaks]:
             self._writer.land(jump)
@@ -172,14 +183,14 @@ class _Statements:
             if word == "break":
                 breaks.append(self._writer.jump())
             else:
-                self._writer.emit(lambda slots, machine: begin)
+                self._writer.emit(lambda slots, thread: begin)
         elif word == "halt":
-            self._writer.emit(lambda slots, machine: machine.halt())
+            self._writer.emit(lambda slots, thread: thread.halt())
         elif word in ("enter_critical", "exit_critical"):
             inside = word == "enter_critical"
 
-            def step(slots: Slots, machine: Machine) -> int:
-                machine.critical(inside)
+            def step(slots: Slots, thread: Thread) -> int:
+                thread.critical(inside)
                 return following
 
             self._writer.emit(step)
@@ -188,10 +199,10 @@ class _Statements:
         following = self._writer.following
         if word == "join":
             nowhere = self._writer.new_slot()
-            self._writer.emit(lambda slots, machine: machine.wait(machine.join(thread(slots)), following, nowhere))
+            self._writer.emit(lambda slots, me: me.wait(me.join(thread(slots)), following, nowhere))
             return
 
-        def step(slots: Slots, machine: Machine) -> int:
-            return following if machine.stop(thread(slots)) else WAITING
+        def step(slots: Slots, me: Thread) -> int:
+            return following if me.stop(thread(slots)) else WAITING
 
         self._writer.emit(step)

@@ -9,7 +9,8 @@ from itertools import islice
 from typing import Any
 
 from sim.controller.urscript import syntax
-from sim.controller.urscript.code import UNSET, Evaluate, Machine, Slots, Writer
+from sim.controller.urscript.code import Evaluate, Writer
+from sim.controller.urscript.program import UNSET, Slots, Thread
 from sim.controller.urscript.signature import REFUSED, REQUIRED, Function, Parameter
 from sim.controller.urscript.syntax import Expression, Routine
 from sim.controller.urscript.values import (
@@ -191,13 +192,13 @@ class Expressions:
 
         if call.run:
 
-            def start(slots: Slots, machine: Machine) -> int:
-                slots[at] = machine.start(code, fresh(slots))
+            def start(slots: Slots, thread: Thread) -> int:
+                slots[at] = thread.start(code, fresh(slots))
                 return following
 
             self._writer.emit(start)
         else:
-            self._writer.emit(lambda slots, machine: machine.enter(code, fresh(slots), following, at))
+            self._writer.emit(lambda slots, thread: thread.enter(code, fresh(slots), following, at))
         return lambda slots: slots[at]
 
     def _call_function(self, call: syntax.Call, function: Function) -> Evaluate:
@@ -216,12 +217,12 @@ class Expressions:
             return lambda slots: compute(*[argument(slots) for argument in arguments])
         at, following = self._writer.new_slot(), self._writer.following
 
-        def wait(slots: Slots, machine: Machine) -> int:
-            return machine.wait(compute(*[argument(slots) for argument in arguments]), following, at)
+        def wait(slots: Slots, thread: Thread) -> int:
+            return thread.wait(compute(*[argument(slots) for argument in arguments]), following, at)
 
-        def take_long(slots: Slots, machine: Machine) -> int:
+        def take_long(slots: Slots, thread: Thread) -> int:
             slots[at] = compute(*[argument(slots) for argument in arguments])
-            return machine.look(following)
+            return thread.look(following)
 
         self._writer.emit(wait if function.waits else take_long)
         return lambda slots: slots[at]

@@ -1,15 +1,15 @@
-"""The program that the controller runs: its threads take turns, each up to its next wait or the end of its time.
+"""A program as it runs: flat code, and threads that take turns, each up to its next wait or the end of its time.
 
-[UR-script, "Thread scheduling"]: a thread that uses up its slice of the period goes on in the next one.
+Each routine is a list of steps, each a Python closure that says which one is next: a thread can be left between any two
+of them and taken up again, and nothing recurses. [UR-script, "Thread scheduling"]: a thread that uses up its slice of
+the period goes on in the next one.
 """
 
 import time
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from typing import Any
 
-from sim.controller.urscript.code import LOOK, MOVED, UNSET, WAITING, Code, Script, Slots
-from sim.controller.urscript.compiler import compile_program
-from sim.controller.urscript.signature import Function
-from sim.controller.urscript.syntax import parse
 from sim.controller.urscript.values import ScriptError, Value, shown
 
 PERIOD_STEPS = 3000
@@ -25,16 +25,43 @@ MOST_THREADS = 50
 """Of a program in a period, those that end in it included."""
 MOST_SLOTS = 10_000
 """Variables of all routines that have begun and not ended."""
+MOVED, WAITING, LOOK = -1, -2, -3
+"""In place of the next step: the thread is in another routine now; it waits for the next period; what
+it did was costly, so that the clock is looked at before the next step."""
+UNSET = object()
+"""What a variable holds before it has a value."""
+
+Slots = list[Any]
+"""A routine's variables, parameters first."""
+Step = Callable[[Slots, "Thread"], int]
 
 
-def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
-    """Make a program of a text; waits often, since that may take many periods.
+@dataclass
+class Code:
+    """A routine that can be run."""
 
-    Raises:
-        ScriptError: It is no program, or calls what is not there.
-    """
-    tree = yield from parse(source)
-    return (yield from compile_program(tree, functions))
+    name: str
+    kind: str
+    parameters: list[str] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    """Of the program, for each step."""
+    slots: int = 0
+    """How many variables it has, those without names included."""
+
+
+@dataclass(frozen=True)
+class Script:
+    """A compiled program."""
+
+    main: Code
+    variables: Slots
+    """The global ones."""
+
+    def begin(self) -> Slots:
+        """Forget what an earlier run left; the main routine's variables."""
+        self.variables[:] = [UNSET] * len(self.variables)
+        return [UNSET] * self.main.slots
 
 
 class Program:

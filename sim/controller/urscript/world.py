@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from sim.controller.urscript import syntax
-from sim.controller.urscript.code import Code, Evaluate, Slots
+from sim.controller.urscript.code import Evaluate
+from sim.controller.urscript.program import Code, Slots
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.syntax import DEEPEST, Expression, Routine
 from sim.controller.urscript.values import ScriptError

@@ -9,6 +9,7 @@ from breastscan.geometry import kinematics, se3
 from sim.arm.deviations import ArmConfig, true_arm
 from sim.arm.ur5e import JOINTS, add_arm, link_pose
 from sim.wrist.wrench_sensor import GRAVITY_W
+from tests.geometry.dh_frames import dh_frames
 from tests.sim.arm.pinocchio_arm import FILE
 
 
@@ -106,8 +107,7 @@ def test_centre_of_mass_follows_the_published_one(arm):
     mujoco.mj_kinematics(arm, data)
     mujoco.mj_comPos(arm, data)
     centres_B = [
-        se3.transform(X_BD, np.array(joint.centre, float))
-        for X_BD, joint in zip(kinematics.link_frames(q)[1:], JOINTS, strict=True)
+        se3.transform(X_BD, np.array(joint.centre, float)) for X_BD, joint in zip(dh_frames(q)[1:], JOINTS, strict=True)
     ]
     masses = [joint.mass for joint in JOINTS]
     assert sum(masses) == pytest.approx(17.7)

@@ -1,3 +1,5 @@
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ needs_vulkan = pytest.mark.skipif(filament.unusable() is not None, reason=str(fi
 
 
 def draw(scene, skin_S):
-    with Picture(scene, 240, 160, fine=True) as picture:
+    with closing(Picture(scene, 240, 160, fine=True)) as picture:
         picture.arrange(HOME_Q, skin_S)
         return picture.draw(CLOSE_UP.camera()).copy()
 

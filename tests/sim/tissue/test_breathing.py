@@ -1,5 +1,6 @@
 """The chest's motion, and that everything in the twin follows it."""
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -79,7 +80,7 @@ def test_the_tissue_feels_the_chests_speed(breathing_scene):
 def test_pictures_show_the_chest_where_it_is_at_their_instant(breathing_scene):
     """10 mm up, seen from 10 mm higher, the breast looks as it did at rest."""
     higher = replace(CLOSE_UP, target_B=tuple(np.add(CLOSE_UP.target_B, (0, 0, 0.010))))
-    with Picture(breathing_scene, 320, 240, shadows=False) as picture:
+    with closing(Picture(breathing_scene, 320, 240, shadows=False)) as picture:
         drawn = []
         for time, view in ((0.0, CLOSE_UP), (2.0, higher), (2.0, CLOSE_UP)):
             picture.arrange(HOME_Q, breathing_scene.phantom.skin.vertices_S, time)

@@ -75,6 +75,12 @@ def test_the_seed_varies_the_shape_a_little_and_repeatably():
     assert 1e-4 < np.abs(one - other).max() < 5e-3
 
 
+def volume_of(shape):
+    """Without nipple and areola, in closed form [m^3]."""
+    height = shape.height - shape.nipple_height - shape.areola_height
+    return np.pi * shape.radius**2 * (1 - shape.elongation**2) * height * (0.5 + shape.roundness / 6)
+
+
 @pytest.mark.parametrize("breast", list(SHAPES))
 def test_every_class_has_the_volume_of_victres_breast_laid_on_its_back(breast):
     """The mesh's volume against the closed form's, to which nipple and areola add a little."""
@@ -82,7 +88,7 @@ def test_every_class_has_the_volume_of_victres_breast_laid_on_its_back(breast):
     skin = phantom.skin
     a, b, c = skin.vertices_S[skin.triangles].transpose(1, 0, 2)
     volume = np.einsum("nc,nc->n", a, np.cross(b, c)).sum() / 6
-    assert volume == pytest.approx(SHAPES[breast].volume, rel=0.03)
+    assert volume == pytest.approx(volume_of(SHAPES[breast]), rel=0.03)
     assert 0.6 < phantom.height / phantom.radius < 0.8
 
 
@@ -97,7 +103,7 @@ def test_classes_grow_with_fat_as_victres_do():
     }.items():
         inside = (np.hypot(ball[:, 0], ball[:, 1]) ** (2 / e1) + ball[:, 2] ** (2 / e1) < 1).mean()
         victre = 4 * inside * 35e-3**3 * (a1 * a2 * a3) ** e1
-        assert SHAPES[breast].volume == pytest.approx(victre, rel=0.01)
+        assert volume_of(SHAPES[breast]) == pytest.approx(victre, rel=0.01)
 
 
 def test_size_scales_the_whole_shape():

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from sim.tissue import compliance_cache
+from sim.tissue import soft as soft_module
 from sim.tissue.complementarity import MARGIN, Solved, solve_contact
 from sim.tissue.compliance import SkinCompliance, compute_compliance
 from sim.tissue.contact_kernel import GRAZING, find_gaps, find_near
@@ -251,17 +252,18 @@ def test_the_skin_far_from_the_probe_hardly_moves_and_its_border_not_at_all(phan
 
 def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, tmp_path):
     monkeypatch.setattr(compliance_cache.platformdirs, "user_cache_path", lambda _name: tmp_path)
+    monkeypatch.setattr(soft_module, "SKIN_POINTS", 60)
     phantom, told = Phantom(PhantomConfig(seed=5)), []
-    first = SoftTissue.build(phantom, lambda share, _what: told.append(share), skin_points=60)
+    first = SoftTissue.build(phantom, lambda share, _what: told.append(share))
     assert told[-1] == 1.0
     assert told == sorted(told)
     X_SP = loop_pose(phantom, 0.0, 0.004)
-    again = SoftTissue.build(phantom, lambda *_: pytest.fail("computed again"), skin_points=60)
+    again = SoftTissue.build(phantom, lambda *_: pytest.fail("computed again"))
     np.testing.assert_array_equal(again.press(X_SP, REST).force_S, first.press(X_SP, REST).force_S)
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:1000])
     told.clear()
-    SoftTissue.build(phantom, lambda share, _what: told.append(share), skin_points=60)
+    SoftTissue.build(phantom, lambda share, _what: told.append(share))
     assert told[-1] == 1.0
     assert len(list(tmp_path.iterdir())) == 1
 

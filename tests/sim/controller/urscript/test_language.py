@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from sim.controller.urscript.compiler import MOST_VARIABLES
-from sim.controller.urscript.program import DEEPEST_CALL, MOST_SLOTS, MOST_THREADS, SLICE, Program, load
+from sim.controller.urscript.compiler import MOST_VARIABLES, load
+from sim.controller.urscript.program import DEEPEST_CALL, MOST_SLOTS, MOST_THREADS, SLICE, Program
 from sim.controller.urscript.signature import (
     ANYTHING,
     JOINTS,
