@@ -7,11 +7,14 @@ by as much: the arm then is where the plan is. Whatever goes wrong ends in a ret
 """
 
 import gc
+import math
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 from jaxtyping import Float
@@ -25,8 +28,9 @@ from breastscan.control.tilt import Drag, TiltMemory
 from breastscan.control.watch import Observation, Watch
 from breastscan.errors import PlanningError, RobotError
 from breastscan.geometry import se3
-from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.robot.interface import Robot, RobotState
+from breastscan.planning.motion import Motion
+from breastscan.robot.interface import Robot
+from breastscan.run.columns import Sample, Trajectory
 
 TRANSFER_SPEED = 0.6
 """Top joint speed of the free motions to and from the breast [rad/s]."""
@@ -40,123 +44,74 @@ NEAR = 0.05
 """Joint distance within which a robot still stands where an earlier scan left it [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScanMotion:
-    """What the arm is to do: the planned path on the skin, one row a control period."""
-
-    q: Float[np.ndarray, "n 6"]
-    """Joint angles with the probe tip on the planned skin [rad]."""
-    qd: Float[np.ndarray, "n 6"]
-    """Their speeds [rad/s]."""
-    s: Float[np.ndarray, "n"]
-    """Length along the path [m]."""
-    q_approach: Float[np.ndarray, "6"]
-    """Joint angles with the probe clear of the skin in front of the path's first point [rad]."""
-    clearance: float
-    """How far in front of it, along the probe axis [m]; the retreat ends as far from the last point."""
-    q_home: Float[np.ndarray, "6"]
-    """Where the arm parks before and after [rad]."""
-
-    def at(self, row: float) -> Float[np.ndarray, "6"]:
-        """Joint angles [rad] at a row of the plan, with a fraction."""
-        first = int(row)
-        second = min(first + 1, len(self.q) - 1)
-        return self.q[first] + (row - first) * (self.q[second] - self.q[first])
-
-
-@dataclass
-class MotionLog:
-    """One row a control period, as `trajectory.parquet` holds them (units there)."""
-
-    rows: list[dict] = field(default_factory=list)
-
-    def add(self, phase: Phase, state: RobotState, target: np.ndarray, row: float, touching: bool) -> None:
-        """Append the state that followed `target`, when the arm should be at `row` of the plan."""
-        on_path = row if phase is Phase.LOOP else None
-        self.rows.append({"phase": phase, "state": state, "target": target, "row": on_path, "contact": touching})
-
-    @property
-    def last_row(self) -> int:
-        """The last row of the plan that was reached in contact; a scan that was cut off starts again there."""
-        return next((int(entry["row"]) for entry in reversed(self.rows) if entry["row"] is not None), 0)
-
-
 def execute(
     robot: Robot,
-    motion: ScanMotion,
+    motion: Motion,
     config: ContactConfig,
     limits: SafetyLimits,
     *,
-    log: MotionLog | None = None,
+    log: list[Sample] | None = None,
     progress: Callable[[float], None] = lambda share: None,
     pause: Callable[[], bool] = lambda: False,
     start: int = 0,
     in_air: bool = False,
-) -> MotionLog:
-    """Run the whole contact scan on a robot, and always leave the skin.
+    q_home: Float[np.ndarray, "6"] | None = None,
+) -> list[Sample]:
+    """Run the whole contact scan on a robot, always leave the skin, and park.
 
     Args:
         robot: The twin or the real arm.
-        motion: What `scan.plan` made.
+        motion: What the planner made.
         config: Force control.
         limits: What ends the scan.
         log: Where every control period in contact or close to it goes, also those of a scan that ends early.
         progress: Told the share of the path that is done, 0 to 1.
         pause: Asked every period whether to wait, clear of the skin; the scan then goes on where it was.
-        start: Row of the plan at which contact is made: `MotionLog.last_row` of a scan that was cut off.
+        start: Row of the plan at which contact is made: `last_row` of a scan that was cut off.
         in_air: Whether to travel the path at its clearance, without contact.
+        q_home: Where the arm parks in the end [rad]; None for where it stands now.
 
     Returns:
         The log.
 
     Raises:
+        PlanningError: The plan has no row to start at.
         SafetyError: A limit was passed; the probe was retreated first.
         RobotError: No contact was found, or the robot refused.
         KeyboardInterrupt: The user asked for an end; the probe was retreated first.
     """
     if not 0 <= start < len(motion.q):
         raise PlanningError(f"a plan of {len(motion.q)} rows has no row {start} to start at", start)
-    log = MotionLog() if log is None else log
-    lifted = lifted_joints(motion, start, robot.X_FP, robot.calibration)
-    stands_there = float(np.abs(robot.state().q - lifted).max()) < NEAR
+    log = [] if log is None else log
+    q_start = robot.state().q
+    lifted = motion.lifted(start, robot.X_FP, robot.calibration)
+    stands_there = float(np.abs(q_start - lifted).max()) < NEAR
     robot.move_joint(lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     robot.tare()
     route = Route(len(motion.q) - 1, start, in_air, motion.clearance)
     first_row = start if stands_there else 0
-    _Probe(_Standing(robot), motion, route, config, limits, MotionLog(), first_row=first_row).rehearse()
+    _Probe(_standing(robot), motion, route, config, limits, [], first_row=first_row).rehearse()
     probe = _Probe(robot, motion, route, config, limits, log, first_row=first_row)
     with deferred_interrupt() as check_interrupt, no_garbage_collection():
         probe.run(check_interrupt, pause, progress)
     if probe.error is not None:
         robot.stop()
         raise probe.error
-    robot.move_joint(motion.q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+    robot.move_joint(q_start if q_home is None else q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     return log
 
 
-class _Standing:
-    """A robot as it stands, whom nobody moves."""
+def _standing(robot: Robot) -> Robot:
+    """The robot as it stands, whom nobody moves."""
+    state, period = robot.state(), robot.period
 
-    def __init__(self, robot: Robot) -> None:
-        self.period, self.X_FP, self.calibration, self.servo_lag = (
-            robot.period, robot.X_FP, robot.calibration, robot.servo_lag,
-        )  # fmt: skip
-        self._state = robot.state()
+    def servo_joint(q: Float[np.ndarray, "6"]) -> None:
+        nonlocal state
+        state = replace(state, time=state.time + period, sample=state.sample + 1)
 
-    def state(self) -> RobotState:
-        return self._state
-
-    def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
-        self._state = replace(self._state, time=self._state.time + self.period, sample=self._state.sample + 1)
-
-    def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
-        raise AssertionError("nobody moves it")
-
-    def tare(self) -> None:
-        raise AssertionError("nobody tares it")
-
-    def stop(self) -> None:
-        """It stands."""
+    told = {name: getattr(robot, name) for name in ("period", "X_FP", "calibration", "servo_lag")}
+    told |= dict.fromkeys(("move_joint", "tare", "stop"), lambda *_: None)
+    return cast(Robot, SimpleNamespace(**told, state=lambda: state, servo_joint=servo_joint))
 
 
 class _Probe:
@@ -165,11 +120,11 @@ class _Probe:
     def __init__(
         self,
         robot: Robot,
-        motion: ScanMotion,
+        motion: Motion,
         route: Route,
         config: ContactConfig,
         limits: SafetyLimits,
-        log: MotionLog,
+        log: list[Sample],
         *,
         first_row: int,
     ) -> None:
@@ -293,7 +248,7 @@ class _Probe:
             self._refuse(error)
             return
         if not self._began:  # with what was known before it, so that a log can be played back
-            self.log.add(progress.phase, self._state, self._sent.q, progress.row, False)
+            self._note(progress, self._sent.q, touching=False)
             self._began = True
         self._memory, self._sent, self._refused = memory, sent, 0
         self._progress = progress if self.error is None else phases.escape(progress, self._felt)
@@ -301,7 +256,13 @@ class _Probe:
         self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
         self._velocity_B = (X_BP_plan[:3, 3] - self._planned_B) / self.robot.period
         self._planned_B, self._R_BP = X_BP_plan[:3, 3], X_BP[:3, :3]
-        self.log.add(progress.phase, self._state, sent.q, progress.row, contact.touches(memory, self.config))
+        self._note(progress, sent.q, touching=contact.touches(memory, self.config))
+
+    def _note(self, progress: Progress, target: Float[np.ndarray, "6"], *, touching: bool) -> None:
+        """Log the state that followed `target`, when the arm should be at the progress's row of the plan."""
+        state, row = self._state, progress.row if progress.phase is Phase.LOOP else math.nan
+        sample = Sample(state.time, progress.phase, row, state.q, state.qd, target, state.wrench_P, touching)
+        self.log.append(sample)
 
     def _end(self, error: BaseException) -> None:
         """Begin the retreat; the first error is the one that is told."""
@@ -335,13 +296,40 @@ class _Probe:
         )
 
 
-def lifted_joints(
-    motion: ScanMotion, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
-) -> Float[np.ndarray, "6"]:
-    """Joint angles [rad] with the tip clear of the skin above a row of the plan; NaN where they cannot be reached."""
-    X_lifted = arm.forward(motion.q[row]) @ X_FP
-    X_lifted[:3, 3] -= motion.clearance * X_lifted[:3, 2]
-    return arm.refined(motion.q[row], X_lifted @ se3.inverse(X_FP))
+def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
+    """The whole log, the planned values beside the measured ones; off the path these are NaN.
+
+    The poses are by the arm's kinematics as the robot reports them, and no truer than these.
+    """
+    row = np.array([sample.row for sample in log])
+    first = np.nan_to_num(row).astype(int)
+    second = np.minimum(first + 1, len(motion.q) - 1)
+    q = np.stack([sample.q for sample in log])
+
+    def planned(values: np.ndarray) -> np.ndarray:
+        flat = values.reshape(len(values), -1)
+        between = flat[first] + (row - first)[:, None] * (flat[second] - flat[first])
+        return between.reshape(len(log), *values.shape[1:])
+
+    return Trajectory(
+        t=np.array([sample.time for sample in log]),
+        phase=tuple(str(sample.phase) for sample in log),
+        s=planned(motion.s),
+        q=q,
+        qd=np.stack([sample.qd for sample in log]),
+        target=np.stack([sample.target for sample in log]),
+        q_plan=planned(motion.q),
+        qd_plan=planned(motion.qd),
+        X_BP=robot.calibration.forward(q) @ robot.X_FP,
+        X_BP_plan=planned(robot.calibration.forward(motion.q) @ robot.X_FP),
+        wrench_P=np.stack([sample.wrench_P for sample in log]),
+        contact=np.array([sample.contact for sample in log]),
+    )
+
+
+def last_row(log: list[Sample]) -> int:
+    """The last row of the plan that was reached in contact; a scan that was cut off starts again there."""
+    return next((int(sample.row) for sample in reversed(log) if not math.isnan(sample.row)), 0)
 
 
 @contextmanager

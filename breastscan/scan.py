@@ -7,24 +7,29 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from breastscan import execution
 from breastscan.camera.interface import StereoCamera, StereoPair
+from breastscan.cell import Cell
 from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import CalibrationError, NoBreastError
-from breastscan.execution import MotionLog, ScanMotion
+from breastscan.errors import NoBreastError
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
-from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
+from breastscan.planning.motion import Motion
+from breastscan.planning.pattern import Path as SkinPath
+from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.interface import Robot
+from breastscan.run.columns import LOG_FILE, Sample, Trajectory
+from breastscan.run.writing import disparity_picture, write_cloud, write_image, write_path
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching import pair_check
@@ -81,24 +86,35 @@ class ScanPlan:
     """The down-sampled cloud [m]."""
     normals_B: Float[np.ndarray, "n 3"]
     """Its outward unit normals."""
-    path: Path
+    path: SkinPath
     feed: Feed
-    motion: ScanMotion
+    motion: Motion
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanResult:
     """Everything that a scan saw, planned and did."""
 
+    cell: Cell
     images: StereoPair
     reconstruction: Reconstruction
     plan: ScanPlan
-    log: MotionLog
+    trajectory: Trajectory
     wall_s: dict[str, float]
     """Wall time of each stage [s]."""
 
+    def save(self, folder: Path) -> None:
+        """Write what was seen, planned and done, and where, into a run folder."""
+        self.cell.save(folder / "cell.json")
+        write_image(folder / "left.png", self.images.left)
+        write_image(folder / "right.png", self.images.right)
+        write_image(folder / "disparity.png", disparity_picture(self.reconstruction.disparity))
+        write_cloud(folder / "cloud.ply", self.plan.points_B, self.plan.normals_B)
+        write_path(folder / "path.csv", self.plan.path.points_B, self.plan.path.normals_B)
+        self.trajectory.save(folder / LOG_FILE)
 
-Keep = Callable[[ScanMotion, MotionLog, BaseException], None]
+
+Keep = Callable[[Trajectory, BaseException], None]
 """Saves what was measured before an error cut a scan off."""
 
 
@@ -122,12 +138,12 @@ class Stages:
 def scan(
     robot: Robot,
     camera: StereoCamera,
-    rig: StereoRig,
+    cell: Cell,
     config: ScanConfig,
     stages: Stages,
     clearances: Clearances | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
-    keep: Keep = lambda motion, log, error: None,
+    keep: Keep = lambda trajectory, error: None,
     *,
     in_air: bool = False,
 ) -> ScanResult:
@@ -136,16 +152,15 @@ def scan(
     Args:
         robot: The twin or the real arm, parked out of the cameras' view; it parks there again.
         camera: What takes the pair.
-        rig: The cameras' calibration, hand-eye included.
+        cell: Where they stand.
         config: Every setting.
         stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
         on_plan: Shown the plan before the arm moves.
-        keep: Is given the plan, what was measured, and the error that cuts the execution off.
+        keep: Is given what was measured and the error that cuts the execution off, if the probe moved.
         in_air: Whether to travel the path at its clearance, without contact.
 
     Raises:
-        CalibrationError: The rig has no hand-eye calibration.
         PerceptionError: No breast was found in the images.
         PlanningError: The path cannot be followed by the arm.
         SafetyError: A limit was passed in contact; the probe was retreated.
@@ -153,19 +168,28 @@ def scan(
     """
     with stages.stage("capture"):
         images = camera.capture()
-    reconstruction = perceive(images, rig, config, stages)
-    plan = plan_scan(reconstruction, rig, robot, config, stages, clearances)
+    reconstruction = perceive(images, cell.rig, config, stages)
+    plan = plan_scan(reconstruction, cell, robot, config, stages, clearances)
     on_plan(plan)
-    log = MotionLog()
+    log: list[Sample] = []
     with stages.stage("execution") as progress:
         try:
             execution.execute(
                 robot, plan.motion, config.contact, config.safety, log=log, progress=progress, in_air=in_air
             )
         except BaseException as error:
-            keep(plan.motion, log, error)
+            if log:
+                keep(execution.trajectory(log, plan.motion, robot), error)
             raise
-    return ScanResult(images=images, reconstruction=reconstruction, plan=plan, log=log, wall_s=stages.wall_s)
+    trajectory = execution.trajectory(log, plan.motion, robot)
+    return ScanResult(
+        cell=cell,
+        images=images,
+        reconstruction=reconstruction,
+        plan=plan,
+        trajectory=trajectory,
+        wall_s=stages.wall_s,
+    )
 
 
 def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages) -> Reconstruction:
@@ -226,38 +250,23 @@ def check_order(images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: St
 
 def plan_scan(
     reconstruction: Reconstruction,
-    rig: StereoRig,
+    cell: Cell,
     robot: Robot,
     config: ScanConfig,
     stages: Stages,
     clearances: Clearances | None = None,
 ) -> ScanPlan:
     """From the cloud to joint angles for every control period."""
-    if rig.X_BL is None:
-        raise CalibrationError("the rig file has no X_BL, so the points have no place in the robot's frame: run the "
-                               "hand-eye calibration first")  # fmt: skip
+    X_BL = cell.rig.X_BL
+    assert X_BL is not None, "a cell's rig has its place in the base"
     with stages.stage("path"):
-        points_B = se3.transform(rig.X_BL, reconstruction.sampled_L)
-        normals_B = se3.rotate(rig.X_BL, reconstruction.normals_L)
-        path = pattern.half_height_loop(points_B, normals_B, chest_plate(reconstruction, rig.X_BL), config.pattern)
+        points_B = se3.transform(X_BL, reconstruction.sampled_L)
+        normals_B = se3.rotate(X_BL, reconstruction.normals_L)
+        plate = reconstruction.breast.plate.seen_from(X_BL)
+        path = pattern.half_height_loop(points_B, normals_B, plate, config.pattern)
     with stages.stage("motion"):
-        planned = motion.plan(
+        planned, feed = motion.plan(
             path, robot.X_FP, robot.period, config.feedrate, config.joints,
             clearances=clearances, calibration=robot.calibration,
         )  # fmt: skip
-    scan_motion = ScanMotion(
-        q=planned.joints.q,
-        qd=planned.joints.qd,
-        s=planned.feed.s,
-        q_approach=planned.joints.q_approach,
-        clearance=config.joints.clearance,
-        q_home=robot.state().q,
-    )
-    return ScanPlan(points_B=points_B, normals_B=normals_B, path=path, feed=planned.feed, motion=scan_motion)
-
-
-def chest_plate(reconstruction: Reconstruction, X_BL: Float[np.ndarray, "4 4"]) -> ChestPlate:
-    """The plate under the breast, expressed in B."""
-    plate = reconstruction.breast.plate
-    normal_B = se3.rotate(X_BL, plate.normal_L)
-    return ChestPlate(normal_B=normal_B, offset=plate.offset + float(normal_B @ X_BL[:3, 3]))
+    return ScanPlan(points_B=points_B, normals_B=normals_B, path=path, feed=feed, motion=planned)

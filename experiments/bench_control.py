@@ -10,11 +10,12 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.execution import execute
 from breastscan.robot.interface import Robot
-from experiments.bench_twin import Row, true_loop_motion
+from experiments.bench_twin import Row
 from experiments.sections import section
 from sim.robot import SimRobot
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
+from sim.true_loop import true_loop_motion
 
 LENGTH, SPEED = 0.15, 0.025
 """Of the path that is walked [m, m/s]."""
@@ -48,7 +49,7 @@ def cycle_times() -> Float[np.ndarray, "n"]:
     scene = Scene()
     tissue = SoftTissue.build(scene.phantom)
     robot = SimRobot(scene, tissue)
-    motion = section(true_loop_motion(scene, tissue, robot), robot.X_FP, start=0.0, length=LENGTH, speed=SPEED)
+    motion = section(true_loop_motion(scene, tissue), robot.X_FP, start=0.0, length=LENGTH, speed=SPEED)
     clocked = _Clocked(robot)
     execute(cast(Robot, clocked), motion, ContactConfig(), SafetyLimits())
     return np.array(clocked.cycles[1:])

@@ -7,22 +7,15 @@ from collections.abc import Callable
 from unittest.mock import patch
 
 import mujoco
-import numpy as np
 
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.execution import ScanMotion, execute
-from breastscan.geometry import se3
-from breastscan.planning import feedrate, joint_path
-from breastscan.planning.feedrate import FeedrateLimits
-from breastscan.planning.joint_path import JointPathConfig
-from breastscan.planning.pattern import Path
+from breastscan.execution import execute
 from sim.robot import SimRobot
-from sim.scene import HOME_Q, Scene
+from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
-from sim.truth import Truth
+from sim.true_loop import true_loop_motion
 
-LOOP_POINTS = 15
 REAL_TIME = 4.0
 """Simulated seconds a second of computing that a parameter study needs."""
 ALL = 100.0
@@ -34,7 +27,7 @@ def rows() -> list[Row]:
     """Simulated seconds a second of CPU time on one core, and the shares of what is computed in it."""
     scene = Scene()
     tissue = SoftTissue.build(scene.phantom)
-    motion = true_loop_motion(scene, tissue, SimRobot(scene, tissue))
+    motion = true_loop_motion(scene, tissue)
     robot, mechanics, contact = SimRobot(scene, tissue), _Stopwatch(), _Stopwatch()
     started = robot.state().time
     with (
@@ -73,18 +66,3 @@ class _Stopwatch:
             return result
 
         return timed
-
-
-def true_loop_motion(scene: Scene, tissue: SoftTissue, robot: SimRobot) -> ScanMotion:
-    """The motion around the true half-height loop: no cameras needed."""
-    truth = Truth(scene.phantom, tissue)
-    loop_S = truth.half_height_loop()
-    points_S, normals_S = truth.closest(loop_S[:: len(loop_S) // LOOP_POINTS][:LOOP_POINTS])
-    path = Path(points_B=se3.transform(scene.X_BS, points_S), normals_B=se3.rotate(scene.X_BS, normals_S))
-    feed = feedrate.interpolate(path.curve, FeedrateLimits(), robot.period)
-    config = JointPathConfig()
-    joints = joint_path.plan(feed.positions, path.normals(feed.u), robot.X_FP, robot.period, config)
-    return ScanMotion(
-        q=joints.q, qd=joints.qd, s=feed.s, q_approach=joints.q_approach, clearance=config.clearance,
-        q_home=np.array(HOME_Q),
-    )  # fmt: skip

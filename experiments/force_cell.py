@@ -1,26 +1,24 @@
 """A contact scan of a part of the true loop, with one force law in one set of circumstances: what came of it?"""
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import polars as pl
 import scipy.signal
 from jaxtyping import Float
 
+from breastscan import execution
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.control.phases import Phase
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
-from breastscan.execution import MotionLog, ScanMotion, execute, lifted_joints
 from breastscan.geometry import se3
-from breastscan.run import writing
+from breastscan.planning.motion import Motion
 from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
 from experiments import sections
-from experiments.bench_twin import true_loop_motion
 from sim import error_analysis
 from sim.arm.servo import PERIOD, ServoConfig
 from sim.robot import SimRobot
@@ -30,6 +28,7 @@ from sim.tissue.layers import LayerConfig
 from sim.tissue.phantom import Phantom
 from sim.tissue.phantom_config import PhantomConfig
 from sim.tissue.soft import LINEAR_LIMIT, SoftTissue
+from sim.true_loop import true_loop_motion
 from sim.truth import Truth
 from sim.wrist.wrench_errors import Quality, WrenchSensorConfig
 
@@ -130,7 +129,7 @@ class Ground:
     """What every cell stands on."""
 
     truth: Truth
-    motion: ScanMotion
+    motion: Motion
     """Around the true half-height loop."""
     mass_p_S: tuple[float, float, float]
     """Where the inclusion lies, under the middle of the path [m]."""
@@ -140,7 +139,7 @@ class Ground:
 def ground() -> Ground:
     """The phantom's loop; the cells of one process share it."""
     scene, tissue = Scene(), _tissue(PhantomConfig())
-    motion = true_loop_motion(scene, tissue, SimRobot(scene, tissue))
+    motion = true_loop_motion(scene, tissue)
     row = float(np.searchsorted(motion.s, 0.5 * motion.s[-1]))
     X_SP = se3.inverse(scene.X_BS) @ scene.calibration.forward(motion.at(row)) @ scene.X_FP
     x, y, z = (X_SP[:3, 3] + MASS_DEPTH * X_SP[:3, 2]).tolist()
@@ -157,18 +156,18 @@ def run(cell: Cell) -> Outcome:
     scene = Scene(_scene_config(cell))
     tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
-    robot, log, ended = LateRobot(scene, tissue, motion.q_approach), MotionLog(), ""
+    robot, log, ended = LateRobot(scene, tissue, motion.q_approach), [], ""
     config = ContactConfig(law=cell.law, force=cell.force)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where the tissue leaves its linear range is told apart
         try:
-            execute(robot, motion, config, SafetyLimits(), log=log)
+            above_end = motion.lifted(len(motion.q) - 1, scene.X_FP, scene.calibration)
+            execution.execute(robot, motion, config, SafetyLimits(), log=log, q_home=above_end)
         except BreastScanError as error:
             ended = str(error)
-    table = writing.trajectory(log, motion, scene.X_FP, scene.calibration)
-    truth = robot.truth_log()
-    places = error_analysis.contact_places(table, truth, tissue, ground().truth) if cell.whole_loop else None
-    return _judged(cell, ended, error_analysis.with_truth(table, truth, places))
+    went, truth = execution.trajectory(log, motion, robot), robot.truth_log()
+    places = error_analysis.contact_places(went, truth, tissue, ground().truth) if cell.whole_loop else None
+    return _judged(cell, ended, error_analysis.with_truth(went, truth, places))
 
 
 def _scene_config(cell: Cell) -> SceneConfig:
@@ -183,7 +182,7 @@ def _scene_config(cell: Cell) -> SceneConfig:
     )
 
 
-def _motion(cell: Cell, scene: Scene) -> ScanMotion:
+def _motion(cell: Cell, scene: Scene) -> Motion:
     """The cell's part of the loop: about the inclusion where there is one, else where the seed says."""
     whole = ground().motion
     total = float(whole.s[-1])
@@ -195,19 +194,20 @@ def _motion(cell: Cell, scene: Scene) -> ScanMotion:
     if cell.surface_error:
         depth = sections.ramp(part.s, cell.surface_error, start=RAMP_START, length=RAMP_LENGTH)
         part = sections.misplaced(part, scene.X_FP, depth)
-    q_above_end = lifted_joints(part, len(part.q) - 1, scene.X_FP, scene.calibration)
-    return replace(part, q_home=q_above_end)
+    return part
 
 
-def _judged(cell: Cell, ended: str, table: pl.DataFrame) -> Outcome:
-    time, phase = table["t"].to_numpy(), table["phase"].to_numpy()
-    force, reading = table["true_force"].to_numpy(), -table["wrench"].to_numpy()[:, 2]
+def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
+    assert went.true_force is not None, "judged by the truth"
+    assert went.true_depth is not None, "judged by the truth"
+    time, phase = went.t, np.array(went.phase)
+    force, reading = went.true_force, went.pressing_force
     loop = np.flatnonzero(phase == Phase.LOOP)
     steady = loop[time[loop] - time[loop[0]] >= error_analysis.STEADY_AFTER] if loop.size else loop
     error = force[steady] - cell.force
     before = np.flatnonzero((phase == Phase.SETTLE) & (np.arange(len(phase)) <= (loop[0] if loop.size else len(phase))))
     overshoot, settling = _contact(time[before], force[before], cell.force)
-    tilt_deg = np.degrees(table["true_tilt"].to_numpy()[steady]) if cell.whole_loop else np.array([np.nan])
+    tilt_deg = np.array([np.nan]) if went.true_tilt is None else np.degrees(went.true_tilt[steady])
     return Outcome(
         cell=cell,
         ended=ended,
@@ -216,10 +216,10 @@ def _judged(cell: Cell, ended: str, table: pl.DataFrame) -> Outcome:
         sensor_share=rms(_slow(reading - force)[steady]) if steady.size else np.nan,
         highest=float(force.max()),
         lowest=float(force[loop].min()) if loop.size else np.nan,
-        indentation=float(table["true_depth"].to_numpy().max()),
+        indentation=float(went.true_depth.max()),
         overshoot=overshoot,
         settling=settling,
-        tangential=_tangential(table),
+        tangential=_tangential(went),
         tilt_deg=(float(tilt_deg.mean()), float(tilt_deg.max())) if tilt_deg.size else (np.nan, np.nan),
         trace=error.astype(np.float32),
     )
@@ -239,12 +239,11 @@ def _slow(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     return scipy.signal.sosfiltfilt(low_pass, values)
 
 
-def _tangential(table: pl.DataFrame) -> tuple[float, float, float]:
+def _tangential(went: Trajectory) -> tuple[float, float, float]:
     """Mean absolute deviation from the plan, across the probe's planned axis, in B [m]."""
-    trajectory = Trajectory.from_table(table)
-    if not trajectory.has_loop:
+    if not went.has_loop:
         return np.nan, np.nan, np.nan
-    error_mm, axis_B = trajectory.path_errors_mm(), trajectory.X_BP_plan[trajectory.in_loop, :3, 2]
+    error_mm, axis_B = went.path_errors_mm(), went.X_BP_plan[went.in_loop, :3, 2]
     across_mm = error_mm - np.sum(error_mm * axis_B, axis=1)[:, None] * axis_B
     x, y, z = (1e-3 * np.abs(across_mm).mean(axis=0)).tolist()
     return x, y, z

@@ -40,8 +40,9 @@ def over_time(walks: list[Walk]) -> Figure:
             column[0].text(0.5, 0.5, _refusal(walk), transform=column[0].transAxes, ha="center", va="center",
                            fontsize=8, color=theme.MUTED)  # fmt: skip
             continue
-        q_plan = walk.planned.joints.q
-        qd_plan = walk.planned.joints.qd
+        q_plan = walk.planned.q
+        qd_plan = walk.planned.qd
+        time = PERIOD * np.arange(len(q_plan))
         rows = (
             (walk.q, q_plan),
             (walk.qd, qd_plan),
@@ -49,9 +50,9 @@ def over_time(walks: list[Walk]) -> Figure:
         )
         for axis, (went, planned) in zip(column, rows, strict=True):
             for joint, colour in enumerate(COLOURS):
-                axis.plot(walk.planned.feed.t[SHOWN], np.degrees(went[SHOWN, joint]), color=colour, linewidth=1.4,
+                axis.plot(time[SHOWN], np.degrees(went[SHOWN, joint]), color=colour, linewidth=1.4,
                           label=f"joint {JOINTS[joint]}")  # fmt: skip
-                axis.plot(walk.planned.feed.t[SHOWN], np.degrees(planned[SHOWN, joint]), **theme.PLANNED_LINE)
+                axis.plot(time[SHOWN], np.degrees(planned[SHOWN, joint]), **theme.PLANNED_LINE)
     for axis, label in zip(axes[:, 0], ("angle [°]", "speed [°/s]", "acceleration [°/s²]"), strict=True):
         axis.set_ylabel(label)
     lines = next(c[0].get_lines()[::2] for c in axes.T if c[0].get_lines())

@@ -3,7 +3,7 @@
 """Loops, and the MuJoCo arm that walks them: with a fixed or a free spin, the probe straight or bent on the flange."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import get_args
 
@@ -12,14 +12,15 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import PlanningError
-from breastscan.planning import feedrate, motion
+from breastscan.planning import feedrate, joint_limits, motion
 from breastscan.planning.feedrate import FeedrateLimits, Step
-from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.joint_limits import JointPathConfig, LimitUse
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
 from experiments import paper_loop
 from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
+from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import PERIOD, Scene, SceneConfig
 from sim.tissue.phantom import PhantomConfig
@@ -60,6 +61,8 @@ class Walk:
     unreachable: tuple[str, ...] = ()
     """The loop's points that cannot be reached."""
     planned: Motion | None = None
+    uses: list[LimitUse] = field(default_factory=list)
+    """How near its joints come to each limit, and where."""
     q: Float[np.ndarray, "n 6"] | None = None
     """Joint angles of the MuJoCo arm, one row a period [rad]."""
     qd: Float[np.ndarray, "n 6"] | None = None
@@ -77,25 +80,26 @@ def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
     """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
     scene = Scene(SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False)))
     config = JointPathConfig(spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS)
-    clearances = Clearance(scene) if loop.in_twin else None
+    clearances = Clearance(cell_of(scene)) if loop.in_twin else None
     lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
     try:
-        planned = motion.plan(loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances)
+        planned, _ = motion.plan(loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances)
     except PlanningError as error:
         return Walk(loop=loop.name, mount_deg=mount_deg, spin=spin, refused=str(error), unreachable=lost)
     if not loop.in_twin:  # the twin's table would be in the way
         scene.physics.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    q, qd = _executed(SimRobot(scene, q=planned.joints.q[0]), planned)
-    finer = motion.plan(loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances)
+    q, qd = _executed(SimRobot(scene, q=planned.q[0]), planned)
+    finer, _ = motion.plan(loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances)
     return Walk(
         loop=loop.name,
         mount_deg=mount_deg,
         spin=spin,
         planned=planned,
+        uses=joint_limits.limit_uses(planned.q, PERIOD, config),
         unreachable=lost,
         q=q,
         qd=qd,
-        resampled=_resampled(planned, finer),
+        resampled=_resampled(planned, finer, config),
     )
 
 
@@ -130,16 +134,16 @@ def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]
     """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the servo's lag."""
     late = round(robot.servo_lag / robot.period)
     states = []
-    for target in [*planned.joints.q, *late * [planned.joints.q[-1]]]:
+    for target in [*planned.q, *late * [planned.q[-1]]]:
         robot.servo_joint(target)
         states.append(robot.state())
     states = states[late:]
     return np.stack([state.q for state in states]), np.stack([state.qd for state in states])
 
 
-def _resampled(coarse: Motion, fine: Motion) -> tuple[float, float]:
-    _, _, *coarse_uses = coarse.uses
-    _, _, *fine_uses = fine.uses
+def _resampled(coarse: Motion, fine: Motion, config: JointPathConfig) -> tuple[float, float]:
+    _, _, *coarse_uses = joint_limits.limit_uses(coarse.q, PERIOD, config)
+    _, _, *fine_uses = joint_limits.limit_uses(fine.q, PERIOD / 2, config)
     acceleration, jerk = (100.0 * abs(f.share / c.share - 1.0) for c, f in zip(coarse_uses, fine_uses, strict=True))
     return acceleration, jerk
 

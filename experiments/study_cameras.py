@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 
-from breastscan.commands.scan_twin import seeded
 from breastscan.geometry import se3
 from breastscan.run import writing
 from breastscan.scan import ScanConfig, Stages, perceive
@@ -54,7 +53,7 @@ def run(out: Path, *, seed: int) -> dict[str, float]:
     Returns:
         The figures, as in `study.json`.
     """
-    scene = Scene(seeded(SceneConfig(), seed))
+    scene = Scene(SceneConfig().seeded(seed))
     tissue = SoftTissue.build(scene.phantom)
     with writing.staged(out) as staging:
         values = _projection(scene, seed) | _draw_errors(staging / "twin_camera_errors.png", scene, seed)

@@ -54,10 +54,10 @@ def summary(walk: Walk) -> dict[str, object]:
     }
     if walk.planned is None or walk.q is None or walk.qd is None or walk.resampled is None:
         return {**values, "refused": walk.refused}
-    joints, acceleration = walk.planned.joints, np.diff(walk.qd, axis=0) / PERIOD
+    joints, acceleration = walk.planned, np.diff(walk.qd, axis=0) / PERIOD
     return {
         **values,
-        "time_s": walk.planned.feed.t[-1],
+        "time_s": PERIOD * (len(joints.q) - 1),
         "swing_deg": np.degrees(np.ptp(walk.q, axis=0)),
         "planned_speed_peak_rad_s": np.abs(joints.qd).max(axis=0),
         "speed_peak_rad_s": np.abs(walk.qd).max(axis=0),
@@ -67,7 +67,7 @@ def summary(walk: Walk) -> dict[str, object]:
         "largest_joint_step_deg": float(np.degrees(np.abs(np.diff(joints.q, axis=0)).max())),
         "limits": {
             use.limit: {"share": use.share, "bound": use.bound, "joint": use.joint, "time_s": use.sample * PERIOD}
-            for use in walk.planned.uses
+            for use in walk.uses
         },
         "resampled_1ms_acceleration_pct": walk.resampled[0],
         "resampled_1ms_jerk_pct": walk.resampled[1],
@@ -104,7 +104,7 @@ def _speed_row(walk: Walk, walks: list[Walk]) -> str:
     if walk.planned is None or walk.qd is None:
         points = "; ".join(walk.unreachable) or walk.refused
         return f"{start} not possible: {points} |" + 7 * " |"
-    went, planned = np.abs(walk.qd).max(axis=0), np.abs(walk.planned.joints.qd).max(axis=0)
+    went, planned = np.abs(walk.qd).max(axis=0), np.abs(walk.planned.qd).max(axis=0)
     cells = " | ".join(f"{w:.3f} ({p:.3f})" for w, p in zip(went, planned, strict=True))
     baseline = next(w for w in walks if (w.loop, w.spin, w.mount_deg) == (walk.loop, "fixed", 0.0))
     ratio = "-" if baseline.qd is None else f"{went.max() / np.abs(baseline.qd).max():.2f}"

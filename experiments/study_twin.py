@@ -12,11 +12,11 @@ import numpy as np
 
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.execution import ScanMotion, execute
+from breastscan.execution import execute
+from breastscan.planning.motion import Motion
 from breastscan.run import writing
 from experiments import arm_accuracy, free_swing, servo_response, twin_figures, wrist_readings
 from experiments.arm_accuracy import Accuracy
-from experiments.bench_twin import true_loop_motion
 from experiments.free_swing import Swing
 from experiments.servo_response import Response
 from experiments.wrist_readings import Readings
@@ -24,6 +24,7 @@ from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue.soft import SoftTissue
+from sim.true_loop import true_loop_motion
 from sim.truth_log import TruthLog
 from sim.wrist.wrench_errors import WRENCH_CLASSES, WrenchSensorConfig
 
@@ -54,7 +55,7 @@ def run(out: Path, *, seed: int) -> Study:
     """
     scene = Scene(SceneConfig(wrist=WrenchSensorConfig(seed=seed)))
     tissue = SoftTissue.build(scene.phantom)
-    motion = true_loop_motion(scene, tissue, SimRobot(scene, tissue))
+    motion = true_loop_motion(scene, tissue)
     with writing.staged(out) as folder:
         study = Study(
             responses=servo_response.sweep(),
@@ -76,7 +77,7 @@ def run(out: Path, *, seed: int) -> Study:
     return study
 
 
-def _repeated(scene: Scene, motion: ScanMotion) -> int:
+def _repeated(scene: Scene, motion: Motion) -> int:
     """Scan the same part of the loop twice and compare every number.
 
     Raises:
@@ -92,10 +93,10 @@ def _repeated(scene: Scene, motion: ScanMotion) -> int:
     return int(wrench.size + sum(values.size for values in vars(truth).values()))
 
 
-def _scanned(scene: Scene, motion: ScanMotion) -> tuple[TruthLog, np.ndarray]:
+def _scanned(scene: Scene, motion: Motion) -> tuple[TruthLog, np.ndarray]:
     robot = SimRobot(scene, SoftTissue.build(scene.phantom))
     log = execute(robot, motion, ContactConfig(), SafetyLimits())
-    return robot.truth_log(), np.stack([row["state"].wrench_P for row in log.rows])
+    return robot.truth_log(), np.stack([sample.wrench_P for sample in log])
 
 
 def _summary(study: Study) -> dict[str, object]:

@@ -3,14 +3,14 @@
 Reads what a scan made and what the twin logged; nothing here flows back into the scan.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import polars as pl
 from jaxtyping import Bool, Float, Int
 
 from breastscan.geometry import se3
 from breastscan.planning.pattern import Path
+from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
 from breastscan.scan import Reconstruction
 from breastscan.vision.camera import RectifiedPair, StereoRig
@@ -82,32 +82,31 @@ def path_metrics(path: Path, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> di
     return {"path_surface_rmse_mm": rms(truth.distance(se3.transform(se3.inverse(X_BS), points_B)) * 1e3)}
 
 
-def with_truth(table: pl.DataFrame, log: TruthLog, places: ContactPlaces | None = None) -> pl.DataFrame:
+def with_truth(trajectory: Trajectory, log: TruthLog, places: ContactPlaces | None = None) -> Trajectory:
     """The trajectory with the true contact beside the measured one.
 
-    Returns:
-        The table with the columns true_force (along the probe axis, pressing is positive [N]), true_depth [m] and,
-        given `places`, true_tilt [rad] (NaN where there is no contact; interpolated between the places).
+    Given `places`, the tilt as well: interpolated between them, NaN where there is no contact.
     """
-    rows = matching_rows(table, log)
-    columns = {"true_force": log.force_axial[rows], "true_depth": log.depth[rows]}
+    rows = matching_rows(trajectory, log)
+    force = log.force_axial[rows]
+    tilt = None
     if places is not None:
-        tilt = np.interp(np.arange(len(table)), places.rows, places.tilt)
-        columns["true_tilt"] = np.where(columns["true_force"] > 0, tilt, np.nan)
-    return table.with_columns(**{name: pl.Series(values) for name, values in columns.items()})
+        between = np.interp(np.arange(len(force)), places.rows, places.tilt)
+        tilt = np.where(force > 0, between, np.nan)
+    return replace(trajectory, true_force=force, true_depth=log.depth[rows], true_tilt=tilt)
 
 
-def matching_rows(table: pl.DataFrame, log: TruthLog) -> Int[np.ndarray, "n"]:
+def matching_rows(trajectory: Trajectory, log: TruthLog) -> Int[np.ndarray, "n"]:
     """Rows of the truth at the trajectory's instants; both run on the robot's clock."""
-    rows = np.searchsorted(log.time, table["t"].to_numpy())
-    assert np.array_equal(log.time[rows], table["t"].to_numpy()), "the truth and the trajectory share one clock"
+    rows = np.searchsorted(log.time, trajectory.t)
+    assert np.array_equal(log.time[rows], trajectory.t), "the truth and the trajectory share one clock"
     return rows
 
 
-def contact_places(table: pl.DataFrame, log: TruthLog, tissue: Mechanics, truth: Truth) -> ContactPlaces:
+def contact_places(trajectory: Trajectory, log: TruthLog, tissue: Mechanics, truth: Truth) -> ContactPlaces:
     """Press the probe again where it was during the loop, and look up which point of the skin lies under its tip."""
-    on_loop = np.flatnonzero((table["phase"] == "loop").to_numpy())[::REPLAY_STEP]
-    X_SP = log.X_SP[matching_rows(table, log)[on_loop]]
+    on_loop = np.flatnonzero(trajectory.in_loop)[::REPLAY_STEP]
+    X_SP = log.X_SP[matching_rows(trajectory, log)[on_loop]]
     points = []
     for X in X_SP:
         tissue.press(X, np.zeros(3))
@@ -130,15 +129,16 @@ def execution_metrics(places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], tru
     }
 
 
-def force_metrics(table: pl.DataFrame, set_point: float) -> dict[str, float]:
+def force_metrics(trajectory: Trajectory, set_point: float) -> dict[str, float]:
     """True contact force along the probe axis, over the loop from `STEADY_AFTER` on; contact over the whole loop."""
-    loop = table.filter(pl.col("phase") == "loop")
-    force = loop["true_force"].to_numpy()
-    steady = force[loop["t"].to_numpy() - loop["t"][0] >= STEADY_AFTER]
+    assert trajectory.true_force is not None, "`with_truth` comes first"
+    assert trajectory.true_depth is not None, "`with_truth` comes first"
+    force, t = trajectory.true_force[trajectory.in_loop], trajectory.t[trajectory.in_loop]
+    steady = force[t - t[0] >= STEADY_AFTER]
     return {
         "force_rmse_n": rms(steady - set_point),
         "force_peak_n": float(steady.max()),
         "force_min_n": float(steady.min()),
         "contact_fraction": float((force > 0).mean()),
-        "indentation_max_mm": float(table["true_depth"].to_numpy().max() * 1e3),
+        "indentation_max_mm": float(trajectory.true_depth.max() * 1e3),
     }

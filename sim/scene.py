@@ -6,7 +6,7 @@ The soft skin is a textured mesh whose vertices are overwritten with the deforme
 picture; physics does not need it, and runs faster without it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -26,7 +26,7 @@ from sim.arm.ur5e import add_arm
 from sim.cameras.camera_errors import CameraConfig
 from sim.cameras.lens import canvases, mujoco_camera
 from sim.live.skin import hang_skin
-from sim.room.describe import Element, add_material, mjcf
+from sim.room.describe import Element, add_material, compiled, mjcf
 from sim.room.surroundings import (
     LIT_CENTRE,
     LIT_RADIUS,
@@ -84,6 +84,11 @@ class SceneConfig:
         if not 0 <= self.mount_angle <= LARGEST_MOUNT_ANGLE:
             raise ConfigError(f"mount_angle must lie in 0 .. pi/2 rad, got {self.mount_angle}", self.mount_angle)
 
+    def seeded(self, seed: int) -> "SceneConfig":
+        """The scene with its phantom, arm, cameras and sensor drawn from one seed."""
+        drawn = {name: replace(getattr(self, name), seed=seed) for name in ("phantom", "arm", "camera", "wrist")}
+        return replace(self, **drawn)
+
 
 class Scene:
     """The described scene and its two compiled models; each is compiled when first asked for."""
@@ -133,7 +138,7 @@ class Scene:
     @cached_property
     def physics(self) -> mujoco.MjModel:
         """The model that is simulated."""
-        return _compile(self._describe(with_skin=False))
+        return compiled(self._describe(with_skin=False))
 
     @cached_property
     def pictures(self) -> mujoco.MjModel:
@@ -142,14 +147,14 @@ class Scene:
         drawn = canvases(self.rig, self.config.camera.supersampling)
         for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
             root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
-        return _compile(root)
+        return compiled(root)
 
     @cached_property
     def live(self) -> mujoco.MjModel:
         """The model that a viewer shows: a viewer gets the state alone, so the skin hangs on mocap bodies."""
         root = self._describe(with_skin=True)
         hang_skin(root, self.X_BS, self.phantom.skin)
-        return _compile(root)
+        return compiled(root)
 
     def _describe(self, *, with_skin: bool) -> Element:
         root: Element = mjcf.RootElement(model="breastscan")
@@ -187,7 +192,3 @@ def _add_skin(root: Element, chest: Element, phantom: Phantom) -> None:
         texcoord=skin.uv.ravel(), elemtexcoord=skin.triangles.ravel(),
     )  # fmt: skip
     flex.contact.set_attributes(contype=0, conaffinity=0, selfcollide="none")
-
-
-def _compile(root: Element) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())

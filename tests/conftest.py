@@ -57,3 +57,18 @@ def lateness() -> float:
     command = [sys.executable, "-c", PACE]
     paced = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(PROCESSES)]
     return max(float(process.communicate()[0]) for process in paced)
+
+
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory):
+    """One synthetic run, written once for all tests that only read it."""
+    from tests.run.synthetic_run import write_run  # after the import hook is there
+
+    return write_run(tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture(scope="session")
+def run(run_folder):
+    from breastscan.run.reading import Run
+
+    return Run.load(run_folder)

@@ -1,9 +1,17 @@
 """What a user meets at the prompt: help, errors that help, exit status."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from breastscan import cli
+from breastscan.commands import doctor
+from breastscan.commands.console import twin_imports
 from breastscan.errors import PlanningError
+
+FILE_COMMANDS = ("reconstruct", "calibrate", "handeye", "plan", "compare", "doctor")
 
 
 def run(capsys, *arguments):
@@ -33,32 +41,26 @@ def test_an_unknown_command_names_those_that_exist(capsys):
 
 
 def test_an_expected_error_ends_in_one_line_and_status_one(capsys, monkeypatch):
-    def command():
-        def fail() -> None:
-            raise PlanningError("point 3 lies 40 mm out of reach: move the phantom closer", 3)
+    def fail() -> None:
+        raise PlanningError("point 3 lies 40 mm out of reach: move the phantom closer", 3)
 
-        return fail
-
-    monkeypatch.setitem(cli.COMMANDS, "doctor", cli.Command("", command))
+    monkeypatch.setattr(doctor, "doctor", fail)
     status, _, err = run(capsys, "doctor")
     assert status == 1
     assert err.strip() == "PlanningError: point 3 lies 40 mm out of reach: move the phantom closer"
 
 
 def test_ctrl_c_ends_with_the_status_of_an_interrupt(capsys, monkeypatch):
-    def command():
-        def interrupted() -> None:
-            raise KeyboardInterrupt
+    def interrupted() -> None:
+        raise KeyboardInterrupt
 
-        return interrupted
-
-    monkeypatch.setitem(cli.COMMANDS, "doctor", cli.Command("", command))
+    monkeypatch.setattr(doctor, "doctor", interrupted)
     status, _, err = run(capsys, "doctor")
     assert status == 130
     assert "Interrupted" in err
 
 
-@pytest.mark.parametrize("command", ["scan", "view", "reconstruct", "plan", "compare", "study", "doctor"])
+@pytest.mark.parametrize("command", cli.COMMANDS)
 def test_every_command_has_its_help(capsys, command):
     status, out, _ = run(capsys, command, "--help")
     assert status == 0
@@ -69,3 +71,35 @@ def test_a_wrong_option_is_refused_with_a_hint(capsys):
     status, _, err = run(capsys, "scan", "--sed", "3")
     assert status != 0
     assert "--seed" in err
+
+
+def python(*arguments, **environment):
+    return subprocess.run(
+        [sys.executable, *arguments], env={**os.environ, **environment}, capture_output=True, text=True
+    )
+
+
+@pytest.mark.parametrize("command", ["scan", "view", "twin", "study"])
+def test_a_back_end_that_does_not_load_is_told_in_one_line(command):
+    child = python("-m", "breastscan", command, "--help", MUJOCO_GL="nonsense")
+    assert child.returncode == 1
+    assert child.stderr.startswith("ConfigError: MuJoCo does not load with MUJOCO_GL=nonsense")
+
+
+def test_an_error_of_another_import_is_not_told_as_mujocos():
+    with pytest.raises(ImportError, match="no_such_module"), twin_imports():
+        import no_such_module  # noqa: F401
+
+
+def test_commands_on_files_do_not_load_mujoco():
+    modules = ", ".join(f"breastscan.commands.{name}" for name in FILE_COMMANDS)
+    child = python("-c", f"import sys, {modules}; sys.exit('mujoco' in sys.modules)")
+    assert child.returncode == 0, child.stderr
+
+
+def test_the_overview_and_doctor_load_neither_kernels_nor_pictures():
+    """They must answer where these do not load."""
+    heavy = {"breastscan.scan", "breastscan.report", "cv2", "matplotlib", "polars", "mujoco"}
+    code = f"import sys, breastscan.cli, breastscan.commands.doctor; print({heavy} & sys.modules.keys())"
+    child = python("-c", code)
+    assert child.stdout.strip() == "set()", child.stdout + child.stderr

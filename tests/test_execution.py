@@ -9,10 +9,9 @@ from breastscan import execution
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import PlanningError, RobotError, SafetyError
-from breastscan.execution import MotionLog, ScanMotion
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.run import writing
+from breastscan.planning.motion import Motion
 from tests.springs import PERIOD, X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -41,29 +40,29 @@ def motion():
         q.append(min(kinematics.inverse(X_BF), key=lambda c: np.abs(c - q[-1]).sum()))
     q, clear = np.array(q), joints_at(0.45, SKIN + CLEARANCE)
     qd = np.gradient(q, PERIOD, axis=0)
-    return ScanMotion(q=q, qd=qd, s=s, q_approach=clear, clearance=CLEARANCE, q_home=clear)
+    return Motion(q=q, qd=qd, s=s, q_approach=clear, clearance=CLEARANCE)
 
 
 def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
     """The robot, its trajectory, and the error that ended the scan, if any."""
-    robot, log, error = SpringRobot(motion.q_home, height, stiffness, late), MotionLog(), None
+    robot, log, error = SpringRobot(motion.q_approach, height, stiffness, late), [], None
     try:
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
         error = caught
-    return robot, writing.trajectory(log, motion, robot.X_FP, robot.calibration), error
+    return robot, execution.trajectory(log, motion, robot), error
 
 
 def phases_of(table):
-    return [phase for k, phase in enumerate(table["phase"]) if k == 0 or table["phase"][k - 1] != phase]
+    return [phase for k, phase in enumerate(table.phase) if k == 0 or table.phase[k - 1] != phase]
 
 
-def heights_of(table):
-    return table["X_BP"].to_numpy().reshape(-1, 4, 4)[:, 2, 3]
+def heights_of(table, phase=None):
+    return table.X_BP[..., 2, 3][[phase in (None, name) for name in table.phase]]
 
 
 def loop_force(table):
-    return -table.filter(table["phase"] == "loop")["wrench"].to_numpy()[:, 2]
+    return table.pressing_force[table.in_loop]
 
 
 def test_the_loop_holds_five_newtons_within_a_tenth(motion):
@@ -89,8 +88,7 @@ def test_the_tip_never_accelerates_along_its_axis_faster_than_configured(motion)
 @pytest.mark.parametrize("late", [0, 4])
 def test_the_arm_is_where_the_plan_is_however_late_its_servo(motion, late):
     _, table, _ = scan(motion, late=late)
-    loop = table.filter(table["phase"] == "loop")
-    executed, planned = (loop[name].to_numpy().reshape(-1, 4, 4)[:, :3, 3] for name in ("X_BP", "X_BP_plan"))
+    executed, planned = (X[table.in_loop, :3, 3] for X in (table.X_BP, table.X_BP_plan))
     assert np.abs(executed - planned)[:, :2].max() < 0.02e-3  # while the feed ramps, the lead is off by 1 ms
     # 5 N on 1 kN/m: the normal part is the indentation
     np.testing.assert_allclose(planned[:, 2] - executed[:, 2], 0.005, atol=1e-4)
@@ -130,9 +128,8 @@ def test_a_pause_waits_clear_of_the_skin_and_goes_on_at_the_same_place(motion):
         "approach", "settle", "loop", "halt", "lift", "retreat",
         "pause", "approach", "settle", "loop", "lift", "retreat",
     ]  # fmt: skip
-    waiting = table.filter(table["phase"] == "pause")
-    assert (heights_of(waiting) >= SKIN + CLEARANCE).all()
-    way = table.filter(table["phase"] == "loop")["s"].to_numpy()
+    assert (heights_of(table, "pause") >= SKIN + CLEARANCE).all()
+    way = table.s[table.in_loop]
     assert way[-1] == pytest.approx(motion.s[-1], abs=1e-6)
     # between the loops lies what the feed needs to come to rest, in the phase "halt"
     assert 0.0 < np.diff(way).max() < 0.5 * SPEED * ContactConfig().phases.feed_time * 1.1
@@ -142,10 +139,17 @@ def test_a_pause_waits_clear_of_the_skin_and_goes_on_at_the_same_place(motion):
 def test_a_scan_that_was_cut_off_starts_again_where_it_ended(motion):
     _, table, error = scan(motion, start=150)
     assert error is None
-    loop, travel = (table.filter(table["phase"] == name) for name in ("loop", "travel"))
-    assert loop["s"][0] == pytest.approx(motion.s[150], abs=0.05e-3)
-    assert (heights_of(travel) >= SKIN + CLEARANCE - 1e-6).all()
+    assert table.s[table.in_loop][0] == pytest.approx(motion.s[150], abs=0.05e-3)
+    assert (heights_of(table, "travel") >= SKIN + CLEARANCE - 1e-6).all()
     assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+def test_the_arm_parks_where_it_stood_or_where_it_is_told(motion):
+    robot, _, _ = scan(motion)
+    np.testing.assert_array_equal(robot.q, motion.q_approach)
+    above_end = motion.lifted(len(motion.q) - 1, X_FP, KinematicCalibration.nominal())
+    robot, _, _ = scan(motion, q_home=above_end)
+    np.testing.assert_array_equal(robot.q, above_end)
 
 
 def test_a_path_in_the_air_never_touches(motion):
@@ -153,20 +157,20 @@ def test_a_path_in_the_air_never_touches(motion):
     assert error is None
     assert phases_of(table) == ["travel", "retreat"]
     assert robot.largest_force == 0.0
-    tip_x = table["X_BP"].to_numpy().reshape(-1, 4, 4)[:, 0, 3]
+    tip_x = table.X_BP[:, 0, 3]
     assert tip_x[-1] == pytest.approx(0.45 + motion.s[-1], abs=0.1e-3)
 
 
 def test_a_start_outside_the_plan_is_refused(motion):
-    robot = SpringRobot(motion.q_home, SKIN)
+    robot = SpringRobot(motion.q_approach, SKIN)
     with pytest.raises(PlanningError, match="no row"):
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), start=len(motion.q))
 
 
 def test_skin_that_falls_away_is_searched_for_and_found(motion):
     """A step of 3 mm down under the running probe: contact is lost, and taken up where it was lost."""
-    robot = SpringRobot(motion.q_home, SKIN, 1000.0)
-    send, log = robot.servo_joint, MotionLog()
+    robot = SpringRobot(motion.q_approach, SKIN, 1000.0)
+    send, log = robot.servo_joint, []
 
     def falling(q):
         robot.height = SKIN - (0.009 if robot.time > 5.5 else 0.0)
@@ -174,15 +178,15 @@ def test_skin_that_falls_away_is_searched_for_and_found(motion):
 
     robot.servo_joint = falling
     execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
-    table = writing.trajectory(log, motion, robot.X_FP, robot.calibration)
+    table = execution.trajectory(log, motion, robot)
     assert "search" in phases_of(table)
     assert phases_of(table)[-3:] == ["loop", "lift", "retreat"]
     assert np.abs(loop_force(table)[-60:] - 5.0).max() < 0.1
 
 
 def test_a_force_beyond_the_limit_ends_in_an_error_and_a_retreat(motion):
-    robot = SpringRobot(motion.q_home, SKIN, stiffness=1000.0)
-    send, log = robot.servo_joint, MotionLog()
+    robot = SpringRobot(motion.q_approach, SKIN, stiffness=1000.0)
+    send, log = robot.servo_joint, []
 
     def hardening(q):
         robot.stiffness = 1000.0 + 40e3 * min(max(robot.time - 6.0, 0.0), 0.1)
@@ -193,11 +197,11 @@ def test_a_force_beyond_the_limit_ends_in_an_error_and_a_retreat(motion):
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
     assert (kinematics.forward(robot.q) @ X_FP)[2, 3] > SKIN + CLEARANCE - 1e-6
     assert robot.stopped
-    assert log.last_row > 0
+    assert execution.last_row(log) > 0
 
 
 def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_end_the_retreat(motion):
-    robot = SpringRobot(motion.q_home, SKIN)
+    robot = SpringRobot(motion.q_approach, SKIN)
     send, commands = robot.servo_joint, 0
 
     def interrupted_inside_the_command(q):
@@ -220,5 +224,5 @@ def test_the_probe_is_lifted_up_its_axis_on_whatever_arm(motion, deviation):
     arm = KinematicCalibration.from_dh_corrections(**dict.fromkeys(("theta", "d", "a", "alpha"), np.full(6, deviation)))
     X_lifted = arm.forward(motion.q[100]) @ X_FP
     X_lifted[:3, 3] -= CLEARANCE * X_lifted[:3, 2]
-    X_reached = arm.forward(execution.lifted_joints(motion, 100, X_FP, arm)) @ X_FP
+    X_reached = arm.forward(motion.lifted(100, X_FP, arm)) @ X_FP
     np.testing.assert_allclose(X_reached, X_lifted, atol=1e-7)

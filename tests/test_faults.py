@@ -11,7 +11,6 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError, SafetyError
-from breastscan.execution import MotionLog
 from breastscan.geometry import kinematics
 from experiments import sections
 from sim.robot import SimRobot
@@ -109,8 +108,8 @@ def scan(twin, motion, *, sensor="industrial", tissue=None, config=CONFIG, **fau
     """Run into a fault; its error, the robot, and the log."""
     scenes, soft, _ = twin
     soft.reset()
-    simulated = SimRobot(scenes[sensor], tissue or soft, motion.q_home)
-    robot, log = FaultyRobot(simulated, **fault), MotionLog()
+    simulated = SimRobot(scenes[sensor], tissue or soft, motion.q_approach)
+    robot, log = FaultyRobot(simulated, **fault), []
     with pytest.raises((SafetyError, RobotError, KeyboardInterrupt)) as caught:
         execution.execute(robot, motion, config, SafetyLimits(), log=log)
     return caught.value, robot, log
@@ -120,7 +119,7 @@ def assert_retreated(robot, log):
     truth = robot.truth_log()
     assert truth.force_axial.max() < HIGHEST_FORCE
     assert truth.force_axial[-1] == 0.0
-    assert log.rows[-1]["phase"] == "emergency retreat"
+    assert log[-1].phase == "emergency retreat"
     assert robot.stops > 0
 
 
@@ -238,17 +237,17 @@ def rigid(twin):
 )
 def test_on_a_rigid_print_faults_end_in_a_retreat_as_well(twin, motion, rigid, fault):
     _, robot, log = scan(twin, motion, tissue=rigid, config=RIGID, since=ON_PRINT, **fault)
-    assert any(entry["phase"] == "loop" for entry in log.rows)
+    assert any(entry.phase == "loop" for entry in log)
     assert_retreated(robot, log)
 
 
 def test_a_rigid_print_that_is_taken_for_soft_is_found_out(twin, motion, rigid):
     """Approached slowly, the probe bounces a few times until the stiffness is believed; then the scan goes on."""
     scenes, _, _ = twin
-    robot = SimRobot(scenes["industrial"], rigid, motion.q_home)
+    robot = SimRobot(scenes["industrial"], rigid, motion.q_approach)
     log = execution.execute(robot, motion, replace(CONFIG, phases=RIGID.phases), SafetyLimits())
     assert robot.truth_log().force_axial.max() < SafetyLimits().force
-    assert log.last_row == len(motion.q) - 1
+    assert execution.last_row(log) == len(motion.q) - 1
 
 
 def test_a_rigid_print_that_is_approached_fast_is_left(twin, motion, rigid):

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from breastscan.execution import ScanMotion, lifted_joints
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.planning.motion import Motion
 from experiments.sections import section
-from sim.scene import HOME_Q
 
 NOMINAL = KinematicCalibration.nominal()
 ELBOW_UP = np.radians([-170.0, -57.0, 80.0, -55.0, -112.0, -49.0])
@@ -29,9 +28,7 @@ def arc_motion(scene, truth, length, speed=0.025, clearance=0.012):
         q.append(NOMINAL.refined(q[-1], X @ se3.inverse(scene.X_FP)))
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points_S, axis=0), axis=1))])
     q = np.array(q)
-    whole = ScanMotion(q=q, qd=np.zeros_like(q), s=s, q_approach=q[0], clearance=clearance, q_home=HOME_Q)
-    q_above = lifted_joints(whole, 0, scene.X_FP, NOMINAL)
-    whole = ScanMotion(**{**vars(whole), "q_home": q_above})
+    whole = Motion(q=q, qd=np.zeros_like(q), s=s, q_approach=q[0], clearance=clearance)
     return section(whole, scene.X_FP, start=0.002, length=length, speed=speed)
 
 

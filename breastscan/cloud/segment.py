@@ -13,7 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import binary_fill_holes
 
-from breastscan.errors import NoBreastError
+from breastscan.checks import require_positive
+from breastscan.errors import ConfigError, NoBreastError
+from breastscan.geometry.plane import Plane
 
 PLANE_SAMPLE = 50_000
 """Points that the planes are sought in: a plate on a tenth of them is known to some micrometres."""
@@ -56,29 +58,12 @@ class SegmentConfig:
     """Of the random choice of points that propose a plane."""
 
     def __post_init__(self) -> None:
-        for name in ("cut_height", "plane_tolerance", "step_height"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} must be a positive length [m], got {getattr(self, name)}")
+        require_positive(self, "segment", but=("seed",))
         for name in ("width_range", "height_range"):
             low, high = getattr(self, name)
             if not 0 < low < high:
-                raise ValueError(f"{name} must be two rising lengths [m], got {(low, high)}")
-        if self.planes < 1:
-            raise ValueError(f"planes must be 1 or more, got {self.planes}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Plane:
-    """The points p_L with normal_L . p_L = offset."""
-
-    normal_L: Float[np.ndarray, "3"]
-    """Unit normal towards the camera."""
-    offset: float
-    """Signed distance of the plane from the camera along the normal [m]; negative."""
-
-    def heights(self, p_L: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Heights of points over the plane, towards the camera [m]."""
-        return p_L @ self.normal_L - self.offset
+                option = f"segment.{name.replace('_', '-')}"
+                raise ConfigError(f"{option} must be two rising lengths [m], got {(low, high)}", (low, high))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +73,7 @@ class Breast:
     mask: Bool[np.ndarray, "h w"]
     """Pixels that see the breast; pixels without a point that it surrounds are included."""
     plate: Plane
-    """The chest plate."""
+    """The chest plate in L, above it is towards the camera."""
     width: float
     """Diameter of a circle with the area of its base [m]."""
     height: float
@@ -162,7 +147,7 @@ def _refined(plane: Plane, rest: Float[np.ndarray, "n 3"], tolerance: float) -> 
 
 
 def _towards_camera(normal: Float[np.ndarray, "3"], offset: float) -> Plane:
-    return Plane(normal_L=-normal, offset=-offset) if offset > 0 else Plane(normal_L=normal, offset=offset)
+    return Plane(normal=-normal, offset=-offset) if offset > 0 else Plane(normal=normal, offset=offset)
 
 
 def _bumps(
@@ -197,7 +182,7 @@ def _base_areas(points: Float[np.ndarray, "h w 3"], plane: Plane) -> Float[np.nd
     """Area of `plane` under each pixel's point [m^2]: of the parallelogram spanned by the steps to the next pixels."""
     across = np.gradient(points, axis=1)
     down = np.gradient(points, axis=0)
-    return np.nan_to_num(np.abs(np.cross(across, down) @ plane.normal_L))
+    return np.nan_to_num(np.abs(np.cross(across, down) @ plane.normal))
 
 
 def _fault(breast: Breast, heights: Float[np.ndarray, "h w"], config: SegmentConfig) -> str:

@@ -2,37 +2,40 @@
 
 from pathlib import Path
 
+import tyro
 from rich.table import Table
 
-from breastscan.errors import ConfigError
+from breastscan.commands.console import Out, console
 from breastscan.report import difference_figures
 from breastscan.report.catalogue import number
 from breastscan.report.difference import Difference, difference, statistics
 from breastscan.run import writing
-from breastscan.run.columns import MM_PER_M, Trajectory
-
-LOG_FILE = "trajectory.parquet"
+from breastscan.run.columns import LOG_FILE, MM_PER_M, Trajectory
 
 
-def compare(first: Path, second: Path, out: Path) -> Difference:
-    """Write what the second run did otherwise than the first into `out`: compare.json and three figures.
+def compare(
+    first: tyro.conf.Positional[Path], second: tyro.conf.Positional[Path], /, out: Out = Path("out/compare")
+) -> None:
+    """Say what one scan did otherwise than another, at equal path length over the loop.
 
     Args:
-        first: A run folder.
-        second: Another.
-        out: Folder for compare.json, joints.png, tip.png and force.png.
+        first: Folder of a scan.
+        second: Folder of another scan of the same place; differences are this one minus the first.
+        out: Folder for compare.json and the figures joints.png, tip.png and force.png.
 
     Raises:
         ConfigError: A folder is no run, the two do not overlap, or `out` cannot be written.
     """
-    found = difference(_load(first), _load(second), (str(first), str(second)))
+    logs = [Trajectory.load(folder / LOG_FILE) for folder in (first, second)]
+    found = difference(logs[0], logs[1], (str(first), str(second)))
     with writing.staged(out) as folder:
         writing.write_json(folder / "compare.json", _content(found, first, second))
         difference_figures.write(folder, found, _labels(first, second))
-    return found
+    console.print(_table(found))
+    console.print(f"Figures and compare.json in {out}", soft_wrap=True)
 
 
-def table(found: Difference) -> Table:
+def _table(found: Difference) -> Table:
     """The differences for the terminal."""
     shown = Table(title="Second minus first run, over the loop", title_justify="left", header_style="bold")
     shown.add_column("Quantity")
@@ -42,16 +45,6 @@ def table(found: Difference) -> Table:
         mean, rms, largest, place_mm = values.values()
         shown.add_row(name, number(mean), number(rms), number(largest), f"{place_mm:.1f}")
     return shown
-
-
-def _load(folder: Path) -> Trajectory:
-    path = folder / LOG_FILE
-    if not path.is_file():
-        raise ConfigError(
-            f"{folder} is not a run: expected a folder with {LOG_FILE}, as `breastscan scan --out {folder}` writes it",
-            folder,
-        )
-    return Trajectory.load(path)
 
 
 def _content(found: Difference, first: Path, second: Path) -> dict[str, object]:

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numba
 import platformdirs
+from rich.table import Table
 
+from breastscan.commands.console import GL_PACKAGES, console
 from breastscan.errors import ConfigError
-
-GL_PACKAGES = "libegl1 libgles2 libgl1 libgl1-mesa-dri"
-"""Debian's and Ubuntu's packages for headless OpenGL."""
+from breastscan.vision import matching
 
 RENDER_PROBE = """
 import mujoco
@@ -42,18 +42,30 @@ class Finding:
     needed: bool = True
 
 
+def doctor() -> None:
+    """Say what works on this machine and how to mend what does not.
+
+    Raises:
+        ConfigError: What a scan needs does not work.
+    """
+    findings = examine()
+    table = Table(box=None)
+    for heading in ("", "what", "found", "cure"):
+        table.add_column(heading, overflow="fold")
+    for finding in findings:
+        mark = "[green]works[/]" if finding.works else "[red]broken[/]" if finding.needed else "[yellow]absent[/]"
+        table.add_row(mark, finding.what, finding.detail, "" if finding.works else finding.cure)
+    console.print(table)
+    require_needed(findings)
+
+
 def examine() -> list[Finding]:
     """Run every check."""
     return [_opengl(), _numba_cache(), _phantom_cache(), _video(), _ur_rtde(), _vulkan()]
 
 
-def gl_backend() -> str:
-    """The OpenGL back end that MuJoCo is told to use: the user's choice, else EGL, which needs no screen."""
-    return os.environ.get("MUJOCO_GL") or "egl"
-
-
 def _opengl() -> Finding:
-    backend = gl_backend()
+    backend = os.environ.get("MUJOCO_GL") or "egl"  # the user's choice, else what needs no screen
     try:
         child = subprocess.run(
             [sys.executable, "-c", RENDER_PROBE],
@@ -82,7 +94,7 @@ def _writable(folder: Path) -> str | None:
 
 
 def _numba_cache() -> Finding:
-    beside = Path(__file__).parent / "vision" / "__pycache__"
+    beside = Path(matching.__file__).parent / "__pycache__"
     chosen = Path(os.environ.get("NUMBA_CACHE_DIR") or beside)
     problem = _writable(chosen)
     detail = f"numba {numba.__version__}, {chosen}"

@@ -1,33 +1,32 @@
-"""A cloud or a path on disk to a trajectory that a UR controller runs: the planning of a scan without a robot."""
+"""`breastscan plan`: a cloud or a path on disk to a trajectory that a UR controller runs, without a robot."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import polars as pl
-from jaxtyping import Float
-from trimesh.exchange.ply import load_ply
+import tyro
 
-from breastscan.commands import export
-from breastscan.errors import ConfigError, PlanningError
+from breastscan.commands.console import Out, console
 from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.geometry.plane import Plane
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import FeedrateLimits
-from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.joint_limits import JointPathConfig, limit_uses
 from breastscan.planning.motion import Motion
-from breastscan.planning.pattern import ChestPlate, PatternConfig
 from breastscan.planning.pattern import Path as SkinPath
+from breastscan.planning.pattern import PatternConfig
+from breastscan.robot.ur import program
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
+from breastscan.run.reading import read_cloud, read_path
 
-PERIOD = 0.002
-"""Control period of an e-Series controller [s]."""
+COLUMNS = ("t_s", *(f"q{k}_rad" for k in range(1, 7)), "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+"""Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write it."""
 PLATE_SHARE = 0.005
 """Share of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
-PATH_COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
-"""Of a path's CSV file: points in B and outward normals."""
-UNIT_TOLERANCE = 0.01
-"""How far the length of a normal may be from 1: rounded files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,84 +46,80 @@ class PlanConfig:
     joints: JointPathConfig = field(default_factory=JointPathConfig)
 
 
-def plan(source: Path, out: Path, config: PlanConfig, *, urscript: bool) -> Motion:
-    """Write `path.csv`, `trajectory.csv`, `trajectory.json` and on request `path.script` into `out`.
+def plan(
+    source: tyro.conf.Positional[Path],
+    /,
+    out: Out = Path("out/plan"),
+    urscript: bool = False,
+    settings: Annotated[PlanConfig, tyro.conf.arg(name="")] = PlanConfig(),
+) -> Motion:
+    """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
     Args:
-        source: A cloud in B (PLY with normals), or a closed path's points and normals in B (CSV).
-        out: Where the results go.
-        config: Every setting.
-        urscript: Whether to write the program.
+        source: A cloud in the robot's base frame (PLY with normals), or a closed path (CSV: x_m y_m z_m nx ny nz).
+        out: Folder for path.csv, trajectory.csv and trajectory.json.
+        urscript: Whether to write path.script as well, a program for the controller.
+        settings: Every setting.
 
     Raises:
         ConfigError: The source cannot be read, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
         PlanningError: The path does not close, or the arm cannot follow it.
     """
-    path = read_path(source) if source.suffix.lower() == ".csv" else _loop(source, config)
-    arm = KinematicCalibration.nominal() if config.calibration is None else calibration_file.load(config.calibration)
-    tcp = np.array(config.tcp, float)
+    is_path = source.suffix.lower() == ".csv"
+    path = _path(source) if is_path else _loop(source, settings)
+    file, tcp = settings.calibration, np.array(settings.tcp, float)
+    arm = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
     X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
-    planned = motion.plan(path, X_FP, PERIOD, config.feedrate, config.joints, calibration=arm)
+    planned, _ = motion.plan(path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm)
+    planned.require_lift(X_FP, arm)
     with writing.staged(out) as folder:
         writing.write_path(folder / "path.csv", path.points_B, path.normals_B)
-        export.write(folder, planned, X_FP, arm.forward(planned.joints.q))
+        q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
+        _write_tables(folder, planned, q_retreat, X_FP, arm)
         if urscript:
-            (folder / "path.script").write_text(export.urscript(planned, X_FP), encoding="utf-8")
+            text = program.urscript(planned.q, planned.qd, planned.q_approach, q_retreat, X_FP)
+            (folder / "path.script").write_text(text, encoding="utf-8")
+    _tell(planned, settings.joints, out)
     return planned
 
 
-def read_path(source: Path) -> SkinPath:
-    """A closed path's points and normals, as a scan leaves them in `path.csv`.
-
-    Raises:
-        ConfigError: The file is missing or lacks a column.
-        PlanningError: A number is not finite, or a normal is not of length 1.
-    """
-    _require_file(source)
-    try:
-        table = pl.read_csv(source)
-    except pl.exceptions.PolarsError as error:
-        raise ConfigError(f"{source} is not a CSV file ({error})", source) from error
-    missing = [name for name in PATH_COLUMNS if name not in table.columns]
-    if missing:
-        raise ConfigError(
-            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(PATH_COLUMNS)}", source
+def _tell(planned: Motion, limits: JointPathConfig, out: Path) -> None:
+    duration = PERIOD * (len(planned.q) - 1)
+    console.print(f"{duration:.1f} s along {planned.s[-1] * 1e3:.0f} mm, in {out}")
+    if planned.slowed > 1.0:
+        console.print(f"The joints' limits make it {planned.slowed:.2f} times as long as the feedrate's.")
+    for use in limit_uses(planned.q, PERIOD, limits):
+        place_mm = planned.s[min(use.sample, len(planned.s) - 1)] * 1e3
+        console.print(
+            f"{use.limit:<13} {use.share:4.0%} of {use.bound:.3g} {use.unit}, by joint {use.joint} at "
+            f"{place_mm:.0f} mm",
+            highlight=False,
         )
-    values = table.select(pl.col(PATH_COLUMNS).cast(pl.Float64, strict=False)).to_numpy()
-    points_B, normals_B = np.hsplit(values, 2)
-    lengths = np.linalg.norm(normals_B, axis=1)
-    bad = ~(np.isfinite(values).all(axis=1) & (np.abs(lengths - 1.0) < UNIT_TOLERANCE))
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise PlanningError(
-            f"point {row + 1} of {source} is {values[row]}: expected finite numbers and a normal of length 1",
-            values[row],
-        )
-    return SkinPath(points_B=points_B, normals_B=normals_B / lengths[:, None])
 
 
-def read_cloud(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Points [m] and unit normals of a PLY file.
+def _write_tables(
+    folder: Path, planned: Motion, q_retreat: np.ndarray, X_FP: np.ndarray, arm: KinematicCalibration
+) -> None:
+    """`trajectory.csv` and `trajectory.json`, one row a control period."""
+    X_BP = arm.forward(planned.q) @ X_FP
+    t = PERIOD * np.arange(len(planned.q))
+    values = np.hstack([t[:, None], planned.q, se3.pose_vector(X_BP)])
+    rows = pl.DataFrame(values, schema=list(COLUMNS))
+    rows.write_csv(folder / "trajectory.csv", float_precision=9)
+    content = {
+        "tcp": se3.pose_vector(X_FP),
+        "q_approach_rad": planned.q_approach,
+        "q_retreat_rad": q_retreat,
+        "columns": COLUMNS,
+        "rows": rows.to_numpy().round(9),
+    }
+    writing.write_json(folder / "trajectory.json", content)
 
-    Raises:
-        ConfigError: The file is missing, is no PLY, or has no normals.
-    """
-    _require_file(source)
-    try:
-        with source.open("rb") as stream:
-            content = load_ply(stream)
-    except (ValueError, KeyError, IndexError) as error:
-        raise ConfigError(
-            f"{source} is not a PLY file ({error}): expected a cloud with normals in B", source
-        ) from error
-    vertices = content["metadata"]["_ply_raw"]["vertex"]["data"]
-    names = vertices.dtype.names or ()
-    if len(vertices) == 0 or not {"x", "y", "z", "nx", "ny", "nz"} <= set(names):
-        raise ConfigError(f"{source} holds no points with normals (x y z nx ny nz), but {', '.join(names)}", source)
-    values = np.stack([np.asarray(vertices[name], float) for name in ("x", "y", "z", "nx", "ny", "nz")], axis=1)
-    points, normals = np.hsplit(values[np.isfinite(values).all(axis=1)], 2)
-    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+def _path(source: Path) -> SkinPath:
+    points_B, normals_B = read_path(source)
+    return SkinPath(points_B=points_B, normals_B=normals_B)
 
 
 def _loop(source: Path, config: PlanConfig) -> SkinPath:
@@ -132,10 +127,5 @@ def _loop(source: Path, config: PlanConfig) -> SkinPath:
     points_B, normals_B = read_cloud(source)
     lowest = float(np.quantile(points_B[:, 2], PLATE_SHARE))
     height = lowest if config.plate_height is None else config.plate_height
-    plate = ChestPlate(normal_B=np.array([0.0, 0.0, 1.0]), offset=height)
+    plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
     return pattern.half_height_loop(points_B, normals_B, plate, config.pattern)
-
-
-def _require_file(source: Path) -> None:
-    if not source.is_file():
-        raise ConfigError(f"no file at {source}: expected a cloud (PLY) or a path (CSV), as a scan leaves them", source)

@@ -1,9 +1,16 @@
-"""A stereo pair on disk to a point cloud and a depth map: the perception of a scan without a robot."""
+"""A stereo pair on disk to a point cloud and a depth map: the perception of a scan without a robot.
+
+`cloud.ply` holds points in the left camera's frame: of the breast, or of the whole view where there is none.
+`disparity.png` is a picture of the whole view, and `depth.tiff` its depth along the axis of the rectified left view
+[m], 32-bit float, NaN where unknown.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 from jaxtyping import Float, Float32
 
 from breastscan import scan
@@ -11,6 +18,7 @@ from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import filters, normals
 from breastscan.cloud.segment import Breast
+from breastscan.commands.console import Out, console
 from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
 from breastscan.scan import ScanConfig, Stages
@@ -38,12 +46,25 @@ class View:
     """Unit normals of the points, towards the camera."""
 
 
-def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: ScanConfig) -> View:
-    """Write what an image pair shows into `out`.
+def reconstruct(
+    left: tyro.conf.Positional[Path],
+    right: tyro.conf.Positional[Path],
+    /,
+    rig: Path,
+    out: Out = Path("out/reconstruct"),
+    settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
+) -> View:
+    """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where there is none.
 
-    `cloud.ply` holds points in the left camera's frame: of the breast, or of the whole view where there is none.
-    `disparity.png` is a picture of the whole view, and `depth.tiff` its depth along the axis of the rectified left view
-    [m], 32-bit float, NaN where unknown.
+    Args:
+        left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
+        right: Right image of the same instant.
+        rig: The rig file of the two cameras.
+        out: Folder for cloud.ply, depth.tiff and disparity.png.
+        settings: Every setting.
+
+    Returns:
+        What the pair shows.
 
     Raises:
         CalibrationError: The rig file is not one.
@@ -51,23 +72,25 @@ def reconstruct(left: Path, right: Path, rig_file: Path, out: Path, config: Scan
             or nothing in them matches.
         ConfigError: `out` cannot be written.
     """
-    rig = StereoRig.load(rig_file)
+    cameras = StereoRig.load(rig)
     images = StereoPair(left=read_grey(left), right=read_grey(right), time=0.0)
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
     with writing.staged(out) as folder:
-        pair, matched = scan.match(images, rig, config, Stages())
+        pair, matched = scan.match(images, cameras, settings, Stages())
         try:
-            breast = scan.reconstruct_breast(pair, matched, config, Stages())
+            breast = scan.reconstruct_breast(pair, matched, settings, Stages())
             view = View(
                 disparity=breast.disparity, breast=breast.breast, points_L=breast.sampled_L, normals_L=breast.normals_L
             )
         except NoBreastError:
-            scan.check_order(images, matched, rig, config)
-            view = _whole_view(pair, matched, config)
+            scan.check_order(images, matched, cameras, settings)
+            view = _whole_view(pair, matched, settings)
         writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
+    what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
+    console.print(f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True)
     return view
 
 

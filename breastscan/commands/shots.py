@@ -1,8 +1,7 @@
-"""Shots of a calibration board on disk: `NAME_left.png` and `NAME_right.png`, with `poses.csv` where a robot held it.
+"""What both calibrations share: shots of a board on disk, and what a calibration of them leaves behind.
 
-TIFF, JPEG and BMP files do as well.
-
-`poses.csv` has one row a shot, with the columns
+A shot is `NAME_left.png` and `NAME_right.png`; TIFF, JPEG and BMP files do as well. Where a robot
+held the board there is `poses.csv`, one row a shot, with the columns
 
     name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad
 
@@ -10,20 +9,27 @@ which are the shot's NAME and the flange's pose in the robot's base: position an
 states it while its tool centre point is set to zero.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 from jaxtyping import Float
+from matplotlib.figure import Figure
 
 from breastscan.camera.grey import SUFFIXES, read_grey
 from breastscan.camera.interface import StereoPair
-from breastscan.errors import CalibrationError
+from breastscan.commands.console import console
+from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
+from breastscan.report.calibration_figures import write_png
 from breastscan.run import writing
 from breastscan.vision.boards.board import Board, BoardShot, find_shot
+from breastscan.vision.calibration import Calibration
+from breastscan.vision.hand_eye import HandEye
 
+RIG_FILE = "rig.yaml"
 POSES_FILE = "poses.csv"
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
@@ -38,6 +44,16 @@ class ShotFolder:
     """Width and height of every picture [px]."""
     without_board: tuple[str, ...]
     """Names of the others."""
+
+
+def need_one_source(shots: Path | None, twin: bool) -> None:
+    """Pass when shots are given or to be taken, not both.
+
+    Raises:
+        ConfigError: Both or neither.
+    """
+    if (shots is None) != twin:
+        raise ConfigError("give either a folder of shots or --twin, which takes them in the simulation", shots)
 
 
 def write_shot(folder: Path, name: str, pair: StereoPair) -> None:
@@ -98,8 +114,7 @@ def read_shots(folder: Path, board: Board) -> ShotFolder:
 
 def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None:
     """Write `poses.csv`: the flange's pose at each shot."""
-    X = np.stack(list(X_BF.values()))
-    values = np.hstack([X[:, :3, 3], se3.rotation_vector(X)])
+    values = se3.pose_vector(np.stack(list(X_BF.values())))
     table = pl.DataFrame({"name": list(X_BF), **dict(zip(POSE_COLUMNS, values.T, strict=True))})
     table.write_csv(folder / POSES_FILE)
 
@@ -129,3 +144,32 @@ def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
     if not np.isfinite(values).all():
         raise CalibrationError(f"{path} holds a value that is missing or not finite: mend or remove its row", path)
     return dict(zip(names, se3.from_rotation_vector(values[:, 3:], values[:, :3]), strict=True))
+
+
+def write_results(
+    folder: Path,
+    found: ShotFolder,
+    result: Calibration | HandEye,
+    figures: Mapping[str, Figure],
+    metrics: dict[str, object],
+    dropped: Mapping[str, str] = {},
+) -> None:
+    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with the reason if left out."""
+    result.rig.save(folder / RIG_FILE)
+    writing.write_json(folder / "metrics.json", metrics)
+    for name, figure in figures.items():
+        write_png(figure, folder / f"{name}.png")
+    left_out = {**dropped, **dict.fromkeys(found.without_board, "board not found in both pictures")}
+    used = zip(result.shots, result.residuals_px.tolist(), strict=True)
+    rows = [(shot.name, left, right, "") for shot, (left, right) in used]
+    rows += [(name, None, None, reason) for name, reason in left_out.items()]
+    columns = {"name": pl.String, "left_px": pl.Float64, "right_px": pl.Float64, "left_out": pl.String}
+    pl.DataFrame(sorted(rows), schema=columns, orient="row").write_csv(folder / "residuals.csv", float_precision=4)
+
+
+def tell_results(out: Path, metrics: dict[str, object]) -> None:
+    """One line a metric, and where the rig lies."""
+    for name, value in metrics.items():
+        shown = f"{value:.4f}" if isinstance(value, float) else value
+        console.print(f"{name:<30} {shown}", highlight=False)
+    console.print(f"Rig: {out / RIG_FILE}", soft_wrap=True)

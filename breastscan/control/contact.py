@@ -7,7 +7,7 @@ the plan. Pure functions of (measurement, reference, memory) -> memory: the twin
 import math
 from dataclasses import dataclass, field, replace
 
-from breastscan.control.checks import require_positive
+from breastscan.checks import require_positive
 from breastscan.control.filters import Filtered
 from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Reference, Seen
 from breastscan.control.phases import PhaseConfig

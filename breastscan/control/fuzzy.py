@@ -10,7 +10,6 @@ low, and noise would turn into a standing error. It is therefore read at (-|e|, 
 
 from dataclasses import dataclass
 
-from breastscan.control.checks import require_positive
 from breastscan.errors import ConfigError
 
 SETS = ("NB", "NM", "NS", "ZO", "PS", "PM", "PB")
@@ -53,7 +52,6 @@ class FuzzyGains:
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "fuzzy")
         for name, swing in (("proportional", self.proportional_swing), ("derivative", self.derivative_swing)):
             if swing > 1.0:
                 raise ConfigError(

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from breastscan.control.checks import require_positive
 from breastscan.control.filters import Filtered
 from breastscan.control.fuzzy import FuzzyGains
 from breastscan.control.surface import Surface
@@ -59,9 +58,6 @@ class AdmittanceGains:
     filter_hz: float = 100.0
     """Corner of the low-pass on the measured force [Hz]."""
 
-    def __post_init__(self) -> None:
-        require_positive(self, "admittance")
-
 
 @dataclass(frozen=True, kw_only=True)
 class PdGains:
@@ -73,9 +69,6 @@ class PdGains:
     """[m/N]"""
     filter_hz: float = 44.0
     """Corner of the low-pass on the measured force [Hz]."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "pd")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +82,6 @@ class PiGains:
     filter_hz: float = 100.0
     """Corner of the low-pass on the measured force [Hz]."""
 
-    def __post_init__(self) -> None:
-        require_positive(self, "pi")
-
 
 @dataclass(frozen=True, kw_only=True)
 class PiStiffnessGains:
@@ -104,9 +94,6 @@ class PiStiffnessGains:
     filter_hz: float = 34.0
     """Corner of the low-pass on the measured force [Hz]."""
 
-    def __post_init__(self) -> None:
-        require_positive(self, "pi-stiffness")
-
 
 @dataclass(frozen=True, kw_only=True)
 class ObserverGains:
@@ -114,9 +101,6 @@ class ObserverGains:
 
     closing_time: float = 0.05
     """Time constant with which the tip closes up to there [s]."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "observer")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from breastscan.control.checks import require_positive
 from breastscan.control.laws import Reference
 from breastscan.errors import BreastScanError, RobotError, SafetyError
 
@@ -76,9 +75,6 @@ class PhaseConfig:
     """Acceleration of that [m/s^2]: the speed is there after 40 ms, once the servo follows."""
     escape_feed_time: float = 0.1
     """Time in which the path is stopped then [s]."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "phases")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.control.checks import require_positive
+from breastscan.checks import require_positive
 from breastscan.errors import BreastScanError, SafetyError
 
 

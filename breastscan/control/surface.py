@@ -9,8 +9,6 @@ motion under a working controller would.
 import math
 from dataclasses import dataclass
 
-from breastscan.control.checks import require_positive
-
 EXPONENT = 1.5
 """Of the force over the indentation [-]. The twin's own tissue has 1.47 from .5 to 8 mm."""
 FIRST_POSITION = 0.5e-3
@@ -37,9 +35,6 @@ class SurfaceConfig:
     """Least error of a force sample against the model [N]."""
     noise_factor: float = 3.0
     """By how much that of a noisy sensor is greater than its noise [-]: its samples are not independent."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "surface")
 
 
 @dataclass(frozen=True)

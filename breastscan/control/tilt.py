@@ -10,8 +10,6 @@ tilt does not.
 import math
 from dataclasses import dataclass
 
-from breastscan.control.checks import require_positive
-
 
 @dataclass(frozen=True, kw_only=True)
 class TiltConfig:
@@ -44,9 +42,6 @@ class TiltConfig:
     """Coefficient of friction to begin with [-]: gel has .05 to .2."""
     friction_time: float = 1.0
     """Time constant of the high-pass through which the friction is learnt [s]."""
-
-    def __post_init__(self) -> None:
-        require_positive(self, "tilt")
 
 
 @dataclass(frozen=True)

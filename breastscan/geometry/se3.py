@@ -57,6 +57,11 @@ def rotation_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
+def pose_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
+    """Each pose as controllers write it: position [m], then rotation vector [rad]."""
+    return np.concatenate([X_AB[..., :3, 3], rotation_vector(X_AB)], axis=-1)
+
+
 def angle_between(a: Float[np.ndarray, "*b 3"], b: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b"]:
     """Angle between vectors [rad], accurate near 0 and pi as well."""
     cross = np.linalg.norm(np.cross(a, b), axis=-1)

@@ -13,9 +13,10 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from breastscan.errors import PlanningError
+from breastscan.geometry.plane import Plane
 from breastscan.planning import pattern
 from breastscan.planning.patch import Surface, axes_along
-from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
+from breastscan.planning.pattern import Path, PatternConfig
 
 SEED_POINTS = 6
 """Points of the cloud, nearest in direction, whose mean starts the search for the skin on a ray."""
@@ -35,7 +36,7 @@ class Dome:
     def around(
         points_B: Float[np.ndarray, "n 3"],
         normals_B: Float[np.ndarray, "n 3"],
-        plate: ChestPlate,
+        plate: Plane,
         config: PatternConfig,
     ) -> "Dome":
         """The dome over the middle of the loop that `pattern.half_height_loop` finds.
@@ -47,7 +48,7 @@ class Dome:
         middle_B = loop.points_B.mean(axis=0)
         return Dome(
             surface=Surface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius),
-            centre_B=middle_B - plate.normal_B * plate.heights(middle_B[None])[0],
+            centre_B=middle_B - plate.normal * plate.heights(middle_B[None])[0],
             axes=pattern.plate_axes(plate, middle_B),
         )
 

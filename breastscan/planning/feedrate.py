@@ -6,7 +6,7 @@ planned length.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Literal, no_type_check
 
 import numba
@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy.interpolate import PPoly
 from scipy.ndimage import minimum_filter1d
 
+from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.nurbs import Nurbs
 
@@ -48,10 +49,7 @@ class FeedrateLimits:
     """Taylor expansion of first or second order, or the latter and one Newton step on the chord's length."""
 
     def __post_init__(self) -> None:
-        for limit in fields(self):
-            value = getattr(self, limit.name)
-            if limit.name != "step" and not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"the feedrate limit {limit.name} must be positive and finite, got {value}", value)
+        require_positive(self, "feedrate")
         if self.step not in ("taylor1", "taylor2", "newton"):
             raise ConfigError(f"step must be taylor1, taylor2 or newton, got {self.step!r}", self.step)
 

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
+from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import kinematics
 
@@ -15,8 +16,6 @@ OBSTACLES = ("out of reach", "beyond the elbow's limit", "too near a singularity
 
 RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 """What is limited for each joint, and its unit: the angle and its derivatives."""
-CURES = ("start elsewhere on the loop, or run it the other way round", *3 * ("lower the feedrate",))
-"""What helps against passing each of them."""
 CLEARANCE_EVERY = 50
 """Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and 500 Hz."""
 SMOOTHING_SHARE = 0.8
@@ -84,20 +83,19 @@ class JointPathConfig:
     """Distance from the skin, along the normal, of the poses before and after the path [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("position_limit", "elbow_limit", "speed_limit", "acceleration_limit", "jerk_limit", "clearance"):
+        ranges = {
+            "position_margin": (0.0, 0.99 * min(self.position_limit, self.elbow_limit)),
+            "singularity_margin": (0.0, 0.99),
+            "spin_tolerance": (0.0, math.pi),
+            "collision_margin": (0.0, 0.5),
+            "floor": (-2.0, 2.0),
+        }
+        require_positive(self, "joints", but=tuple(ranges))
+        for name, (least, most) in ranges.items():
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"joints.{name} must be a positive number, not {value}", value)
-        self._check_range("position_margin", 0.0, 0.99 * min(self.position_limit, self.elbow_limit))
-        self._check_range("singularity_margin", 0.0, 0.99)
-        self._check_range("spin_tolerance", 0.0, math.pi)
-        self._check_range("collision_margin", 0.0, 0.5)
-        self._check_range("floor", -2.0, 2.0)
-
-    def _check_range(self, name: str, least: float, most: float) -> None:
-        value = getattr(self, name)
-        if not least <= value <= most:
-            raise ConfigError(f"joints.{name} must lie between {least:.4g} and {most:.4g}, not {value}", value)
+            if not least <= value <= most:
+                option = f"joints.{name.replace('_', '-')}"
+                raise ConfigError(f"{option} must lie between {least:.4g} and {most:.4g}, not {value}", value)
 
     @property
     def reachable_angles(self) -> Float[np.ndarray, "6"]:
@@ -153,18 +151,18 @@ def dilation(uses: list[LimitUse]) -> float:
 def check_trajectory(
     q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig, clearances: Clearances | None = None
 ) -> None:
-    """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit.
+    """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit but those of the rates.
 
     Raises:
         PlanningError: It does not; the joint, the sample and the cure are named.
     """
-    for use, cure in zip(limit_uses(q, period, config), CURES, strict=True):
-        if use.share > 1.0:
-            raise PlanningError(
-                f"joint {use.joint} would pass its limit of {use.bound:.2f} {use.unit} with {use.value:.2f} "
-                f"{use.unit} at sample {use.sample} of {len(q)}: {cure}",
-                use.value,
-            )
+    angle = limit_uses(q, period, config)[0]
+    if angle.share > 1.0:
+        raise PlanningError(
+            f"joint {angle.joint} would pass its limit of {angle.bound:.2f} rad with {angle.value:.2f} rad at sample "
+            f"{angle.sample} of {len(q)}: start elsewhere on the loop, or run it the other way round",
+            angle.value,
+        )
     against = obstacles(q, config)
     if against.any():
         kind, sample = (int(index) for index in np.argwhere(against)[0])

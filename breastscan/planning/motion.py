@@ -10,29 +10,62 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import PlanningError
+from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning import feedrate, joint_limits, joint_path, route
 from breastscan.planning.feedrate import Feed, FeedrateLimits
-from breastscan.planning.joint_limits import Clearances, JointPathConfig, LimitUse
-from breastscan.planning.joint_path import JointPath
+from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import Path
 
 MOST_PASSES = 4
 """How often the motion is slowed at most: the second pass corrects what the rounding to whole periods changed."""
 SLACK = 1.001
 """How much slower than needed, so that rounding breaks no limit."""
+LIFT_STEP = 25
+"""Rows from one check of the lifted pose to the next: 1.25 mm at 25 mm/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A path with its timing and its joint angles, one row a control period."""
+    """What the arm is to do: a path on the skin, one row a control period, and how to come to it."""
 
-    feed: Feed
-    joints: JointPath
-    slowed: float
+    q: Float[np.ndarray, "n 6"]
+    """Joint angles with the probe tip on the planned skin [rad]."""
+    qd: Float[np.ndarray, "n 6"]
+    """Their speeds [rad/s]."""
+    s: Float[np.ndarray, "n"]
+    """Length along the path [m]."""
+    q_approach: Float[np.ndarray, "6"]
+    """Joint angles with the probe clear of the skin in front of the path's first point [rad]."""
+    clearance: float
+    """How far in front of it, along the probe axis [m]; the retreat ends as far from the last point."""
+    slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
-    uses: list[LimitUse]
-    """How near the joints come to each limit, and where."""
+
+    def at(self, row: float) -> Float[np.ndarray, "6"]:
+        """Joint angles [rad] at a row, with a fraction."""
+        first = int(row)
+        second = min(first + 1, len(self.q) - 1)
+        return self.q[first] + (row - first) * (self.q[second] - self.q[first])
+
+    def lifted(self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration) -> Float[np.ndarray, "6"]:
+        """Joint angles [rad] with the tip clear of the skin above a row; NaN where out of reach."""
+        X_lifted = route.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
+        return arm.refined(self.q[row], X_lifted @ se3.inverse(X_FP))
+
+    def require_lift(self, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration) -> None:
+        """Refuse a path that the arm cannot leave along the probe's axis, wherever it is on it.
+
+        Raises:
+            PlanningError: It cannot.
+        """
+        for row in (*range(0, len(self.q), LIFT_STEP), len(self.q) - 1):
+            if not np.isfinite(self.lifted(row, X_FP, arm)).all():
+                raise PlanningError(
+                    f"{self.s[row] * 1e3:.0f} mm along the path the probe cannot be lifted by "
+                    f"{self.clearance * 1e3:.0f} mm: move the phantom closer to the robot's base",
+                    row,
+                )
 
 
 def plan(
@@ -44,8 +77,8 @@ def plan(
     *,
     clearances: Clearances | None = None,
     calibration: KinematicCalibration | None = None,
-) -> Motion:
-    """The motion along a path inside every limit of the feedrate and of the arm.
+) -> tuple[Motion, Feed]:
+    """The motion along a path inside every limit of the feedrate and of the arm, and the feed it was made from.
 
     Args:
         path: Points and normals on the skin, in B.
@@ -63,12 +96,15 @@ def plan(
     chosen = route.choose(feed.positions, path.normals(feed.u), X_FP, period, config, clearances)
     slowed = 1.0
     for _ in range(MOST_PASSES):
-        joints = joint_path.follow(chosen, feed.positions, path.normals(feed.u), X_FP, period, config, calibration)
-        uses = joint_limits.limit_uses(joints.q, period, config)
-        longer = joint_limits.dilation(uses)
+        q, q_approach = joint_path.follow(
+            chosen, feed.positions, path.normals(feed.u), X_FP, config.clearance, calibration
+        )
+        longer = joint_limits.dilation(joint_limits.limit_uses(q, period, config))
         if longer == 1.0:
-            joint_limits.check_trajectory(joints.q, period, config, clearances)
-            return Motion(feed=feed, joints=joints, slowed=slowed, uses=uses)
+            joint_limits.check_trajectory(q, period, config, clearances)
+            qd = np.gradient(q, period, axis=0)
+            planned = Motion(q=q, qd=qd, s=feed.s, q_approach=q_approach, clearance=config.clearance, slowed=slowed)
+            return planned, feed
         slowed *= longer * SLACK
         feed = feedrate.interpolate(path.curve, limits.slowed(slowed), period)
     raise PlanningError(

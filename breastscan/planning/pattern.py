@@ -11,8 +11,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.nurbs import Nurbs
+from breastscan.geometry.plane import Plane
 from breastscan.planning.patch import Surface
 
 TRACED_POINTS = 60
@@ -27,20 +29,6 @@ TOP_RADIUS = 0.006
 """Reach of these patches [m]: they must follow a nipple."""
 TOP_POINTS = 24
 """Points that they must have: they reach farther where the cloud is thin."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChestPlate:
-    """The plane under the breast, n . p = d."""
-
-    normal_B: Float[np.ndarray, "3"]
-    """Unit normal n, towards the breast."""
-    offset: float
-    """d, its distance from the origin of B along n [m]."""
-
-    def heights(self, p_B: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Heights above the plate [m]."""
-        return p_B @ self.normal_B - self.offset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,12 +51,9 @@ class PatternConfig:
             raise ConfigError(f"pattern.points must be 4 or more for a cubic curve, not {self.points}", self.points)
         if not 0.0 < self.height_share < 1.0:
             raise ConfigError(
-                f"pattern.height_share must lie between 0 and 1, not {self.height_share}", self.height_share
+                f"pattern.height-share must lie between 0 and 1, not {self.height_share}", self.height_share
             )
-        for name in ("patch_radius", "largest_gap", "smallest_radius"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"pattern.{name} must be a positive number, not {value}", value)
+        require_positive(self, "pattern")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +83,7 @@ class Path:
 
 
 def half_height_loop(
-    points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], plate: ChestPlate, config: PatternConfig
+    points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], plate: Plane, config: PatternConfig
 ) -> Path:
     """The closed loop round the breast at `config.height_share` of its height above the chest plate.
 
@@ -117,7 +102,7 @@ def half_height_loop(
     return level_loop(surface, plate, config.height_share * top_height(surface, plate), config)
 
 
-def top_height(surface: Surface, plate: ChestPlate) -> float:
+def top_height(surface: Surface, plate: Plane) -> float:
     """Height of the breast's top, the nipple's tip, above the plate [m].
 
     Small patches at some of the highest points: noise does not raise them, nor does the breast below lower them.
@@ -129,12 +114,12 @@ def top_height(surface: Surface, plate: ChestPlate) -> float:
     summit = replace(surface, radius=max(TOP_RADIUS, reach))
     grid = np.linspace(-summit.radius / 4, summit.radius / 4, 9)
     xy = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    patches = [summit.patch(p_B, plate.normal_B) for p_B in some_B]
+    patches = [summit.patch(p_B, plate.normal) for p_B in some_B]
     best = max(patches, key=lambda patch: float(plate.heights(patch.point(np.zeros(2))[None])[0]))
     return float(plate.heights(best.origin_B[None])[0] + best.heights(xy).max())
 
 
-def level_loop(surface: Surface, plate: ChestPlate, height: float, config: PatternConfig) -> Path:
+def level_loop(surface: Surface, plate: Plane, height: float, config: PatternConfig) -> Path:
     """The closed loop round the breast at `height` [m] above the plate."""
     ring = _Ring.around(surface, plate, height, config)
     azimuths = 2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS
@@ -157,7 +142,7 @@ class _Ring:
     """The part of the surface around one height, and polar coordinates about its middle."""
 
     surface: Surface
-    plate: ChestPlate
+    plate: Plane
     height: float
     centre_B: np.ndarray
     axes: np.ndarray
@@ -167,7 +152,7 @@ class _Ring:
     band_azimuths: np.ndarray
 
     @staticmethod
-    def around(surface: Surface, plate: ChestPlate, height: float, config: PatternConfig) -> "_Ring":
+    def around(surface: Surface, plate: Plane, height: float, config: PatternConfig) -> "_Ring":
         heights = plate.heights(surface.points_B)
         band = np.flatnonzero(np.abs(heights - height) < config.patch_radius / 2)
         if len(band) < TRACED_POINTS:
@@ -205,11 +190,11 @@ class _Ring:
         return self.surface.meet(p_B, n_B / np.linalg.norm(n_B), planes_B, offsets)
 
 
-def plate_axes(plate: ChestPlate, middle_B: np.ndarray) -> np.ndarray:
+def plate_axes(plate: Plane, middle_B: np.ndarray) -> np.ndarray:
     """Rows: towards the robot along the plate, across, and the plate's normal."""
-    towards_B = -(middle_B - plate.normal_B * (plate.normal_B @ middle_B))
+    towards_B = -(middle_B - plate.normal * (plate.normal @ middle_B))
     towards_B /= np.linalg.norm(towards_B)
-    return np.stack([towards_B, np.cross(plate.normal_B, towards_B), plate.normal_B])
+    return np.stack([towards_B, np.cross(plate.normal, towards_B), plate.normal])
 
 
 def _circle_centre(p_B: np.ndarray, axes: np.ndarray) -> np.ndarray:

@@ -51,11 +51,10 @@ class Route:
 
     def poses(
         self, positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n"]]:
-        """Probe poses X_BP along the path, and their spins [rad]."""
+    ) -> Float[np.ndarray, "n 4 4"]:
+        """Probe poses X_BP along the path."""
         s = _lengths(positions_B)
-        spin = self.spin(s / s[-1])
-        return spun(_unspun_poses(positions_B, normals_B, self.mean_normal_B), spin), spin
+        return spun(_unspun_poses(positions_B, normals_B, self.mean_normal_B), self.spin(s / s[-1]))
 
 
 def choose(

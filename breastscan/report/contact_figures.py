@@ -26,12 +26,12 @@ def contact_force(trajectory: Trajectory, set_point: float | None) -> Figure:
     figure, axes = theme.panels(rows, 1, height_in=2.8 * rows)
     whole = axes[0, 0]
     theme.shade_phases(whole, trajectory.spans())
-    _draw_force(whole, trajectory, np.full(len(trajectory.t), True), set_point)
+    _draw_force(whole, trajectory, np.full(len(trajectory.elapsed), True), set_point)
     theme.title(whole, "Whole scan")
     theme.legend_above(whole)
     if settled.any():
         _draw_force(axes[1, 0], trajectory, settled, set_point)
-        axes[1, 0].set_xlim(*trajectory.t[settled][[0, -1]])
+        axes[1, 0].set_xlim(*trajectory.elapsed[settled][[0, -1]])
         theme.title(axes[1, 0], f"Loop from {SETTLING_TIME:g} s after its start, enlarged")
     return figure
 
@@ -48,7 +48,7 @@ def indentation(trajectory: Trajectory) -> Figure | None:
     figure, axes = theme.panels(len(known), 1, height_in=2.2 * len(known), sharex=True)
     for index, (axis, (values, label)) in enumerate(zip(axes[:, 0], known, strict=True)):
         theme.shade_phases(axis, trajectory.spans(), named=index == 0)
-        axis.plot(trajectory.t, values, **theme.TRUTH_LINE)
+        axis.plot(trajectory.elapsed, values, **theme.TRUTH_LINE)
         axis.set_ylabel(label)
     axes[-1, 0].set_xlabel("time [s]")
     figure.align_ylabels(axes[:, 0])
@@ -65,12 +65,12 @@ def envelope(
 
 
 def _draw_force(axis: Axes, trajectory: Trajectory, shown: Bool[np.ndarray, "n"], set_point: float | None) -> None:
-    time, lowest, highest = envelope(trajectory.t[shown], trajectory.pressing_force[shown])
+    time, lowest, highest = envelope(trajectory.elapsed[shown], trajectory.pressing_force[shown])
     axis.fill_between(time, lowest, highest, color=theme.MEASURED, alpha=0.45, linewidth=0.6, label="measured")
     if trajectory.true_force is not None:
-        axis.plot(trajectory.t[shown], trajectory.true_force[shown], **theme.TRUTH_LINE, label="true")
+        axis.plot(trajectory.elapsed[shown], trajectory.true_force[shown], **theme.TRUTH_LINE, label="true")
     if set_point is not None and trajectory.has_loop:
-        held = trajectory.t[trajectory.in_loop & shown][[0, -1]]
+        held = trajectory.elapsed[trajectory.in_loop & shown][[0, -1]]
         axis.plot(held, np.full(2, set_point), **theme.PLANNED_LINE, label="set-point")
     axis.set(xlabel="time [s]", ylabel="pressing force [N]")
 
@@ -79,5 +79,5 @@ def _settled(trajectory: Trajectory) -> Bool[np.ndarray, "n"]:
     """The samples of the loop from `SETTLING_TIME` after its start."""
     if not trajectory.has_loop:
         return trajectory.in_loop
-    start = trajectory.t[trajectory.in_loop][0]
-    return trajectory.in_loop & (trajectory.t >= start + SETTLING_TIME)
+    start = trajectory.elapsed[trajectory.in_loop][0]
+    return trajectory.in_loop & (trajectory.elapsed >= start + SETTLING_TIME)

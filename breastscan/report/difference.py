@@ -18,72 +18,11 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loop:
-    """A scan's loop at given path lengths, each reached for the first time."""
-
-    s: Float[np.ndarray, "n"]
-    """Path length [m], rising."""
-    t: Float[np.ndarray, "n"]
-    """Time [s]."""
-    q: Float[np.ndarray, "n 6"]
-    """Joint angles [rad]."""
-    X_BP: Float[np.ndarray, "n 4 4"]
-    """Tip."""
-    X_BP_plan: Float[np.ndarray, "n 4 4"]
-    """Planned tip."""
-    force: Float[np.ndarray, "n"]
-    """Measured pressing force [N]."""
-    true_force: Float[np.ndarray, "n"] | None
-    """True pressing force [N]; None on hardware."""
-
-    @staticmethod
-    def of(trajectory: Trajectory, name: str) -> "Loop":
-        """The loop of a log; `name` names it in errors.
-
-        Raises:
-            ConfigError: No loop was driven.
-        """
-        rows = np.flatnonzero(trajectory.in_loop & np.isfinite(trajectory.s))
-        s = trajectory.s[rows]
-        rows = rows[s > np.maximum.accumulate(np.r_[-np.inf, s[:-1]])]
-        if len(rows) < 2:
-            raise ConfigError(f"{name} holds no loop to compare: expected a scan that was on its path", name)
-        truth = trajectory.true_force
-        return Loop(
-            s=trajectory.s[rows],
-            t=trajectory.t[rows],
-            q=trajectory.q[rows],
-            X_BP=trajectory.X_BP[rows],
-            X_BP_plan=trajectory.X_BP_plan[rows],
-            force=trajectory.pressing_force[rows],
-            true_force=None if truth is None else truth[rows],
-        )
-
-    def at(self, s: Float[np.ndarray, "m"]) -> "Loop":
-        """The loop at other path lengths [m] within its own, linear between its rows."""
-
-        def between(values: np.ndarray) -> np.ndarray:
-            flat = values.reshape(len(values), -1)
-            columns = [np.interp(s, self.s, column) for column in flat.T]
-            return np.stack(columns, axis=1).reshape(len(s), *values.shape[1:])
-
-        return Loop(
-            s=s,
-            t=between(self.t),
-            q=between(self.q),
-            X_BP=between(self.X_BP),
-            X_BP_plan=between(self.X_BP_plan),
-            force=between(self.force),
-            true_force=None if self.true_force is None else between(self.true_force),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
 class Difference:
     """Two loops at the same path lengths; every difference is the second minus the first."""
 
-    first: Loop
-    second: Loop
+    first: Trajectory
+    second: Trajectory
 
     @property
     def s_mm(self) -> Float[np.ndarray, "n"]:
@@ -125,7 +64,7 @@ class Difference:
     @property
     def force(self) -> Float[np.ndarray, "n"]:
         """Measured pressing force [N]."""
-        return self.second.force - self.first.force
+        return self.second.pressing_force - self.first.pressing_force
 
     @property
     def true_force(self) -> Float[np.ndarray, "n"] | None:
@@ -137,7 +76,7 @@ class Difference:
     @property
     def time(self) -> Float[np.ndarray, "n"]:
         """How much later the second comes to a place, both from the first compared place on [s]."""
-        return (self.second.t - self.second.t[0]) - (self.first.t - self.first.t[0])
+        return self.second.elapsed - self.first.elapsed
 
     def quantities(self) -> dict[str, Float[np.ndarray, "n"]]:
         """Every difference by its name, the unit at its end."""
@@ -156,7 +95,7 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
     Raises:
         ConfigError: One has no loop, or they do not overlap: in path length, or in the place that they scan.
     """
-    loops = [Loop.of(trajectory, name) for trajectory, name in zip((first, second), names, strict=True)]
+    loops = [_loop(trajectory, name) for trajectory, name in zip((first, second), names, strict=True)]
     start, end = max(loop.s[0] for loop in loops), min(loop.s[-1] for loop in loops)
     if end - start < LEAST_OVERLAP:
         ranges = " and ".join(f"{loop.s[0] * MM_PER_M:.0f} .. {loop.s[-1] * MM_PER_M:.0f} mm" for loop in loops)
@@ -166,7 +105,7 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
             (start, end),
         )
     s = np.linspace(start, end, round((end - start) / STEP) + 1)
-    found = Difference(first=loops[0].at(s), second=loops[1].at(s))
+    found = Difference(first=loops[0].between(s), second=loops[1].between(s))
     nearest = float(found.plan_mm.min()) / MM_PER_M
     if nearest > FARTHEST:
         raise ConfigError(
@@ -175,6 +114,16 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
             nearest,
         )
     return found
+
+
+def _loop(trajectory: Trajectory, name: str) -> Trajectory:
+    """The loop of a log, each path length as it is reached for the first time; `name` names it in errors."""
+    rows = np.flatnonzero(trajectory.in_loop & np.isfinite(trajectory.s))
+    s = trajectory.s[rows]
+    rows = rows[s > np.maximum.accumulate(np.r_[-np.inf, s[:-1]])]
+    if len(rows) < 2:
+        raise ConfigError(f"{name} holds no loop to compare: expected a scan that was on its path", name)
+    return trajectory.take(rows)
 
 
 def statistics(found: Difference) -> dict[str, dict[str, float]]:

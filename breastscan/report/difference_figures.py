@@ -53,8 +53,8 @@ def force(found: Difference, names: tuple[str, str]) -> Figure:
     """Pressing force of both runs and its difference [N], and how much later the second run comes to a place [s]."""
     figure, axes = theme.panels(3, 1, height_in=6.6, sharex=True)
     both, apart, later = axes[:, 0]
-    both.plot(found.s_mm, found.first.force, **FIRST_LINE, label=names[0])
-    both.plot(found.s_mm, found.second.force, **SECOND_LINE, label=names[1])
+    both.plot(found.s_mm, found.first.pressing_force, **FIRST_LINE, label=names[0])
+    both.plot(found.s_mm, found.second.pressing_force, **SECOND_LINE, label=names[1])
     both.set_ylabel("measured force [N]")
     theme.title(both, "Pressing force")
     theme.legend_above(both)

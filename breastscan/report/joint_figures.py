@@ -46,8 +46,8 @@ def _six_joints(
     trajectory: Trajectory, measured: Float[np.ndarray, "n 6"], planned: Float[np.ndarray, "n 6"], ylabel: str
 ) -> Figure:
     figure, axes = theme.panels(3, 2, height_in=6.0, sharex=True)
-    shown = slice(None, None, max(1, len(trajectory.t) // SAMPLES_SHOWN))
-    time, spans = trajectory.t[shown], trajectory.spans()
+    shown = slice(None, None, max(1, len(trajectory.elapsed) // SAMPLES_SHOWN))
+    time, spans = trajectory.elapsed[shown], trajectory.spans()
     for joint, axis in enumerate(axes.flat):
         theme.shade_phases(axis, spans, named=joint == 0)
         axis.plot(time, np.rad2deg(measured[shown, joint]), **theme.MEASURED_LINE, label="measured")

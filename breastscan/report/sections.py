@@ -1,12 +1,13 @@
 """The sections of the page, each from a whole run to markup. What a run does not hold is left out."""
 
+from collections.abc import Iterator
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from breastscan.report import catalogue, cloud_view, contact_figures, html, joint_figures, path_figures, time_figures
-from breastscan.report import settings as run_settings
 from breastscan.report.paper import compare_table4
 from breastscan.run.reading import VIDEO_FILE, Run
 
@@ -116,7 +117,7 @@ def joints(run: Run) -> str:
 
 def contact(run: Run) -> str:
     """Force and, in simulation, indentation and tilt."""
-    set_point = run_settings.force_set_point(run.config)
+    set_point = run.config.get("scan", {}).get("contact", {}).get("force")
     depth = contact_figures.indentation(run.trajectory)
     return html.section(
         "Contact",
@@ -148,8 +149,17 @@ def time(run: Run) -> str:
 
 def settings(run: Run) -> str:
     """Every setting and version, folded."""
-    rows = [(name, str(value)) for name, value in run_settings.flattened(run.config)]
+    rows = [(name, str(value)) for name, value in _flattened(run.config)]
     return html.section("Settings", html.details("Settings, versions and seed", html.table(("setting", "value"), rows)))
+
+
+def _flattened(settings: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Nested settings as pairs of a dotted name and a value."""
+    for key, value in settings.items():
+        if isinstance(value, dict):
+            yield from _flattened(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def _table4(run: Run) -> str:

@@ -1,19 +1,19 @@
 """A run folder played back as a robot: what a controller did once, held against what it does now."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import polars as pl
 from jaxtyping import Float
 
 from breastscan.errors import ConfigError, RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.run.columns import LOG_FILE, Trajectory
 
-LOG_FILE = "trajectory.parquet"
-COLUMNS = {"t": 1, "q": 6, "qd": 6, "target": 6, "X_BP": 16, "wrench": 6}
-"""What is read of the log, and how many numbers a row each holds."""
+READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
+"""What is read of the log."""
 TOOL_SPREAD = 1e-5
 """Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the log's poses follow
 from its joint angles, so more means another kinematic calibration."""
@@ -42,7 +42,7 @@ class RecordedRobot:
 
     def __init__(
         self,
-        table: pl.DataFrame,
+        recording: Trajectory,
         *,
         calibration: KinematicCalibration | None = None,
         servo_lag: float | None = None,
@@ -51,64 +51,50 @@ class RecordedRobot:
         """Stand at the first row.
 
         Args:
-            table: A trajectory as `trajectory.parquet` holds it.
+            recording: What was done.
             calibration: The arm's kinematics in that run; None for the nominal ones.
             servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the recording.
             tolerance: Most by which a joint's target may differ from the recorded one [rad].
 
         Raises:
-            ConfigError: A column is missing or of another width, too few rows, or the kinematics are not those of the
+            ConfigError: A number is not finite, there are too few rows, or the kinematics are not those of the
                 recording.
         """
-        columns = {name: _column(table, name, width) for name, width in COLUMNS.items()}
-        self._time, self._q, self._qd = columns["t"][:, 0], columns["q"], columns["qd"]
-        self._target, self._wrench_P = columns["target"], columns["wrench"]
+        _require_whole(recording)
+        self._log = recording
         self.calibration = KinematicCalibration.nominal() if calibration is None else calibration
         """The kinematics that the recording was opened with."""
         self._tolerance = tolerance
-        self.period = round(float(np.median(np.diff(self._time))), CLOCK_DIGITS)
+        self.period = round(float(np.median(np.diff(self._log.t))), CLOCK_DIGITS)
         """Control period of the recording [s]."""
-        self.X_FP = _tool(self.calibration.forward(self._q), columns["X_BP"].reshape(-1, 4, 4))
+        self.X_FP = _tool(self.calibration.forward(self._log.q), recording.X_BP)
         """Pose of the probe tip in the flange, as the recorded poses imply it."""
-        self.servo_lag = _lag(self._q, self._target, self.period) if servo_lag is None else servo_lag
+        self.servo_lag = _lag(self._log.q, self._log.target, self.period) if servo_lag is None else servo_lag
         """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
         self._row = 0
 
     @staticmethod
-    def load(
-        folder: Path,
-        *,
-        calibration: KinematicCalibration | None = None,
-        servo_lag: float | None = None,
-        tolerance: float = TOLERANCE,
-    ) -> "RecordedRobot":
-        """Play a run folder back; arguments as of the class.
+    def load(folder: Path, **options: Any) -> "RecordedRobot":
+        """Play a run folder back; options as of the class.
 
         Raises:
             ConfigError: The folder holds no trajectory, or one that cannot be played.
         """
-        path = folder / LOG_FILE
-        if not path.is_file():
-            raise ConfigError(f"no {LOG_FILE} in {folder}: expected the folder of a scan", folder)
-        try:
-            table = pl.read_parquet(path)
-        except (pl.exceptions.PolarsError, OSError) as error:
-            raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
-        return RecordedRobot(table, calibration=calibration, servo_lag=servo_lag, tolerance=tolerance)
+        return RecordedRobot(Trajectory.load(folder / LOG_FILE), **options)
 
     @property
     def rows_left(self) -> int:
         """Commands that the recording can still answer."""
-        return len(self._time) - 1 - self._row
+        return len(self._log.t) - 1 - self._row
 
     def state(self) -> RobotState:
         """The present row; the first one is that of before any command."""
         row = self._row
         return RobotState(
-            time=float(self._time[row]),
-            q=self._q[row].copy(),
-            qd=self._qd[row].copy(),
-            wrench_P=self._wrench_P[row].copy(),
+            time=float(self._log.t[row]),
+            q=self._log.q[row].copy(),
+            qd=self._log.qd[row].copy(),
+            wrench_P=self._log.wrench_P[row].copy(),
             sample=row,
         )
 
@@ -120,16 +106,16 @@ class RecordedRobot:
         """
         if not self.rows_left:
             raise RobotError(
-                f"the recording ends after {len(self._time) - 1} commands: the run that is replayed goes on for longer",
-                len(self._time) - 1,
+                f"the recording ends after {self._row} commands: the run that is replayed goes on for longer",
+                self._row,
             )
         row = self._row + 1
-        off = np.abs(q - self._target[row])
+        off = np.abs(q - self._log.target[row])
         if not off.max() <= self._tolerance:
             joint = int(np.argmax(off))
             raise RobotError(
-                f"the runs part at command {self._row}, {self._time[row]:.3f} s: joint {joint} goes to "
-                f"{q[joint]:.5f} rad, the recorded one to {self._target[row, joint]:.5f} rad, more than "
+                f"the runs part at command {self._row}, {self._log.t[row]:.3f} s: joint {joint} goes to "
+                f"{q[joint]:.5f} rad, the recorded one to {self._log.target[row, joint]:.5f} rad, more than "
                 f"{self._tolerance:g} rad apart: look at both runs before this time",
                 q,
             )
@@ -151,18 +137,14 @@ class RecordedRobot:
         """Rest at the present row."""
 
 
-def _column(table: pl.DataFrame, name: str, width: int) -> Float[np.ndarray, "n width"]:
-    """A column as floats, `width` a row."""
-    if name not in table.columns:
-        raise ConfigError(f"the recording lacks the column {name}: expected {', '.join(COLUMNS)}", name)
-    if len(table) < 2:
-        raise ConfigError(f"the recording holds {len(table)} rows, expected two or more", len(table))
-    values = table[name].to_numpy().astype(float)
-    if values.size != width * len(table):
-        raise ConfigError(f"column {name} of the recording should hold {width} numbers a row", values.shape)
-    if not np.isfinite(values).all():
-        raise ConfigError(f"column {name} of the recording holds a value that is not finite", name)
-    return values.reshape(len(table), width)
+def _require_whole(log: Trajectory) -> None:
+    """Refuse a recording that cannot be played."""
+    if len(log.t) < 2:
+        raise ConfigError(f"the recording holds {len(log.t)} rows, expected two or more", len(log.t))
+    for name in READ:
+        if not np.isfinite(getattr(log, name)).all():
+            column = name.removesuffix("_P")
+            raise ConfigError(f"column {column} of the recording holds a value that is not finite", name)
 
 
 def _tool(X_BF: Float[np.ndarray, "n 4 4"], X_BP: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "4 4"]:

@@ -1,11 +1,12 @@
-"""The log of an executed scan, one sample a control period, as `trajectory.parquet` holds it."""
+"""The log of an executed scan, one sample a control period, and the columns of the files that a run leaves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from breastscan.errors import ConfigError
 
@@ -14,8 +15,39 @@ MM_PER_M = 1e3
 LOOP = "loop"
 """Name of the phase in which the probe follows the planned path."""
 
-REQUIRED = ("t", "phase", "s", "q", "qd", "q_plan", "qd_plan", "X_BP", "X_BP_plan", "wrench")
-"""Columns without which a log cannot be reported."""
+LOG_FILE = "trajectory.parquet"
+"""The log in the folder of a run."""
+PATH_COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
+"""Of `path.csv`: points in B and outward unit normals."""
+SHAPES = {
+    **dict.fromkeys(("t", "s", "true_force", "true_depth", "true_tilt"), ()),
+    **dict.fromkeys(("q", "qd", "target", "q_plan", "qd_plan", "wrench_P"), (6,)),
+    **dict.fromkeys(("X_BP", "X_BP_plan"), (4, 4)),
+}
+"""Fields of numbers, and what each holds a row; a matrix lies in its column row by row."""
+TRUTH = ("true_force", "true_depth", "true_tilt")
+"""Fields that only a simulation can fill."""
+
+
+class Sample(NamedTuple):
+    """What is kept of one control period."""
+
+    time: float
+    """Robot's clock [s]."""
+    phase: str
+    """What the robot was doing."""
+    row: float
+    """Row of the plan where the arm should be, with a fraction; NaN off the path."""
+    q: Float[np.ndarray, "6"]
+    """Measured joint angles [rad]."""
+    qd: Float[np.ndarray, "6"]
+    """Measured joint speeds [rad/s]."""
+    target: Float[np.ndarray, "6"]
+    """Joint angles that were sent before them [rad]."""
+    wrench_P: Float[np.ndarray, "6"]
+    """Measured wrench at the tip in P, force first [N, N m]."""
+    contact: bool
+    """Whether the controller took the probe to touch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +66,7 @@ class Trajectory:
     """An executed scan. What was planned is NaN outside the loop; truth is None on hardware."""
 
     t: Float[np.ndarray, "n"]
-    """Time since the log began [s]."""
+    """Robot's clock [s]."""
     phase: tuple[str, ...]
     """What the robot was doing: approach, settle, loop, retreat ..."""
     s: Float[np.ndarray, "n"]
@@ -43,6 +75,8 @@ class Trajectory:
     """Measured joint angles [rad]."""
     qd: Float[np.ndarray, "n 6"]
     """Measured joint speeds [rad/s]."""
+    target: Float[np.ndarray, "n 6"]
+    """Joint angles that were sent [rad]."""
     q_plan: Float[np.ndarray, "n 6"]
     """Planned joint angles [rad]."""
     qd_plan: Float[np.ndarray, "n 6"]
@@ -53,12 +87,19 @@ class Trajectory:
     """Planned tip pose in the robot base."""
     wrench_P: Float[np.ndarray, "n 6"]
     """Measured wrench at the tip in P, force first [N, N m]; pressing reads negative along z."""
-    true_force: Float[np.ndarray, "n"] | None
+    contact: Bool[np.ndarray, "n"]
+    """Whether the controller took the probe to touch."""
+    true_force: Float[np.ndarray, "n"] | None = None
     """True contact force along the probe axis, positive when pressing [N]."""
-    true_depth: Float[np.ndarray, "n"] | None
+    true_depth: Float[np.ndarray, "n"] | None = None
     """True indentation of the tissue [m]."""
-    true_tilt: Float[np.ndarray, "n"] | None
-    """Angle of the probe axis against the true normal [rad]."""
+    true_tilt: Float[np.ndarray, "n"] | None = None
+    """Angle of the probe axis against the true normal [rad]; NaN where nothing touches."""
+
+    @property
+    def elapsed(self) -> Float[np.ndarray, "n"]:
+        """Time since the log began [s]."""
+        return self.t - self.t[0]
 
     @property
     def in_loop(self) -> Bool[np.ndarray, "n"]:
@@ -81,7 +122,7 @@ class Trajectory:
         starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
         ends = np.r_[starts[1:], len(names) - 1]
         return [
-            Span(phase=self.phase[start], start=float(self.t[start]), end=float(self.t[end]))
+            Span(phase=self.phase[start], start=float(self.elapsed[start]), end=float(self.elapsed[end]))
             for start, end in zip(starts, ends, strict=True)
         ]
 
@@ -100,58 +141,70 @@ class Trajectory:
         squared = np.sum(self.path_errors_mm() ** 2, axis=1) - self.normal_errors_mm() ** 2
         return np.sqrt(np.maximum(squared, 0.0))
 
+    def take(self, rows: Int[np.ndarray, "k"]) -> "Trajectory":
+        """Some of the samples."""
+        arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return replace(self, phase=tuple(self.phase[row] for row in rows), **arrays)
+
+    def between(self, s: Float[np.ndarray, "k"]) -> "Trajectory":
+        """A loop at other path lengths [m] within its own, which rise: linear between its samples."""
+        row = np.interp(s, self.s, np.arange(len(self.s)))
+        nearest = self.take(row.round().astype(int))
+
+        def linear(values: np.ndarray) -> np.ndarray:
+            columns = [np.interp(s, self.s, column) for column in values.reshape(len(values), -1).T]
+            return np.stack(columns, axis=1).reshape(len(s), *values.shape[1:])
+
+        numbers = {name: values for name, values in vars(self).items() if getattr(values, "dtype", None) == np.float64}
+        return replace(nearest, **{name: linear(values) for name, values in numbers.items()})
+
+    def save(self, path: Path) -> None:
+        """Write the log: a column a field, without its frame, in their order; a matrix as a list of its numbers."""
+        columns = {_column(name): values for name, values in vars(self).items() if values is not None}
+        columns |= {name: columns[name].reshape(len(self.t), 16) for name in ("X_BP", "X_BP_plan")}
+        polars.DataFrame(columns).write_parquet(path)
+
     @staticmethod
     def load(path: Path) -> "Trajectory":
         """Read a log.
 
         Raises:
-            ConfigError: The file is no log of a scan, or lacks a column.
+            ConfigError: The file is no log of a scan, lacks a column, or one does not hold what it should.
         """
-        return Trajectory.from_table(_read(path), path)
+        table = _read(path)
 
-    @staticmethod
-    def from_table(table: polars.DataFrame, source: object = "the trajectory") -> "Trajectory":
-        """The log that a table holds; `source` names it in errors.
-
-        Raises:
-            ConfigError: A column does not hold what it should.
-        """
-
-        def floats(name: str, *shape: int) -> np.ndarray:
-            values = table[name].to_numpy().astype(float)
+        def floats(field: str) -> np.ndarray:
+            shape, column = SHAPES[field], _column(field)
+            values = table[column].to_numpy().astype(float)
             if values.size != len(table) * int(np.prod(shape)):
                 raise ConfigError(
-                    f"{source}: column {name} should hold {shape} numbers a row; run the scan again", source
+                    f"{path}: column {column} should hold {shape} numbers a row; run the scan again", path
                 )
             return values.reshape(len(table), *shape)
 
-        def truth(name: str) -> np.ndarray | None:
-            return floats(name) if name in table.columns else None
-
-        time = floats("t")
         return Trajectory(
-            t=time - time[0],
             phase=tuple(table["phase"].to_list()),
-            s=floats("s"),
-            q=floats("q", 6),
-            qd=floats("qd", 6),
-            q_plan=floats("q_plan", 6),
-            qd_plan=floats("qd_plan", 6),
-            X_BP=floats("X_BP", 4, 4),
-            X_BP_plan=floats("X_BP_plan", 4, 4),
-            wrench_P=floats("wrench", 6),
-            true_force=truth("true_force"),
-            true_depth=truth("true_depth"),
-            true_tilt=truth("true_tilt"),
+            contact=table["contact"].to_numpy().astype(bool),
+            **{name: floats(name) for name in SHAPES if name not in TRUTH or name in table.columns},
         )
 
 
+def _column(field: str) -> str:
+    return field.removesuffix("_P")
+
+
 def _read(path: Path) -> polars.DataFrame:
+    if not path.is_file():
+        why = (
+            f"{path.parent} is not a run: expected a folder with {path.name}, as `breastscan scan --out {path.parent}`"
+        )
+        raise ConfigError(f"{why} writes it", path)
     try:
         table = polars.read_parquet(path)
     except (polars.exceptions.PolarsError, OSError) as error:
         raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
-    missing = [name for name in REQUIRED if name not in table.columns]
+    needed = (_column(field.name) for field in fields(Trajectory) if field.name not in TRUTH)
+    missing = [name for name in needed if name not in table.columns]
     if missing or table.is_empty():
         fault = f"lacks the columns {', '.join(missing)}" if missing else "holds no sample"
         raise ConfigError(f"{path} {fault}: expected the log of a scan; run the scan again", path)

@@ -1,26 +1,23 @@
 """Figures of merit that a log gives without knowing the truth: tracking, joint speeds, timing."""
 
 import numpy as np
-import polars as pl
 
-from breastscan.planning.feedrate import Feed
 from breastscan.run.columns import Trajectory
 
 
-def of_execution(table: pl.DataFrame, feed: Feed, execution_wall: float) -> dict[str, object]:
+def of_execution(trajectory: Trajectory, speed_fluctuation_pct: float, execution_wall: float) -> dict[str, object]:
     """Executed minus planned tip at equal path parameter, in B, over the loop; joint speeds; how the clock ran.
 
     On soft tissue the normal part of the tracking error contains the indentation.
 
     Args:
-        table: The trajectory, as `record.trajectory` makes it.
-        feed: The interpolated feed of the loop.
+        trajectory: What was done.
+        speed_fluctuation_pct: Of the planned feed [%].
         execution_wall: Wall time that the execution took [s].
 
     Returns:
         Metrics named as in `metrics.json`.
     """
-    trajectory = Trajectory.from_table(table)
     error_mm = trajectory.path_errors_mm()
     scan_time = float(trajectory.t[-1] - trajectory.t[0])
     return {
@@ -29,7 +26,7 @@ def of_execution(table: pl.DataFrame, feed: Feed, execution_wall: float) -> dict
         "tracking_tangential_rmse_mm": rms(trajectory.tangential_errors_mm()),
         "tracking_normal_rmse_mm": rms(trajectory.normal_errors_mm()),
         "joint_speed_peak_rad_s": np.abs(trajectory.qd[trajectory.in_loop]).max(axis=0).tolist(),
-        "speed_fluctuation_pct": feed.fluctuation_pct,
+        "speed_fluctuation_pct": speed_fluctuation_pct,
         "scan_time_s": scan_time,
         "realtime_factor": scan_time / execution_wall,
     }

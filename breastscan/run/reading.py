@@ -8,11 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 import polars
-import trimesh
 from jaxtyping import Float, UInt8
+from trimesh.exchange.ply import load_ply
 
-from breastscan.errors import ConfigError
-from breastscan.run.columns import Trajectory
+from breastscan.errors import ConfigError, PlanningError
+from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
 
 REQUIRED_FILES = (
     "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
@@ -21,7 +21,8 @@ REQUIRED_FILES = (
 """What `breastscan scan` always writes; a video only where there is a scene to film."""
 
 VIDEO_FILE = "scan.mp4"
-PATH_COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
+UNIT_TOLERANCE = 0.01
+"""How far the length of a normal may be from 1: rounded files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,17 +56,17 @@ class Run:
             ConfigError: A file is missing or cannot be read.
         """
         _require_files(folder)
-        path = _read_path(folder / "path.csv")
+        points_B, normals_B = read_path(folder / "path.csv")
         return Run(
             metrics=_read_json(folder / "metrics.json"),
             config=_read_json(folder / "config.json"),
             left=_read_image(folder / "left.png"),
             right=_read_image(folder / "right.png"),
             disparity=_read_image(folder / "disparity.png"),
-            cloud_B=_read_cloud(folder / "cloud.ply"),
-            path_B=path[:, :3],
-            normals_B=path[:, 3:],
-            trajectory=Trajectory.load(folder / "trajectory.parquet"),
+            cloud_B=read_cloud(folder / "cloud.ply")[0],
+            path_B=points_B,
+            normals_B=normals_B,
+            trajectory=Trajectory.load(folder / LOG_FILE),
             has_video=(folder / VIDEO_FILE).is_file(),
         )
 
@@ -101,18 +102,59 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     return image.astype(np.uint8, copy=False)
 
 
-def _read_cloud(path: Path) -> Float[np.ndarray, "n 3"]:
-    try:
-        cloud = trimesh.load(path)
-    except (ValueError, IndexError, KeyError) as error:
-        raise _unreadable(path, f"not a PLY file: {error}") from error
-    if not isinstance(cloud, trimesh.PointCloud | trimesh.Trimesh):
-        raise _unreadable(path, f"expected points, got a {type(cloud).__name__}")
-    return np.asarray(cloud.vertices, dtype=float)
+def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """A path's points [m] and unit normals, as a scan leaves them in `path.csv`.
 
-
-def _read_path(path: Path) -> Float[np.ndarray, "k 6"]:
+    Raises:
+        ConfigError: The file is missing or lacks a column.
+        PlanningError: A number is not finite, or a normal is not of length 1.
+    """
+    _require_file(source)
     try:
-        return polars.read_csv(path).select(PATH_COLUMNS).cast(polars.Float64).to_numpy()
+        table = polars.read_csv(source)
     except polars.exceptions.PolarsError as error:
-        raise _unreadable(path, f"expected the columns {', '.join(PATH_COLUMNS)}: {error}") from error
+        raise ConfigError(f"{source} is not a CSV file ({error})", source) from error
+    missing = [name for name in PATH_COLUMNS if name not in table.columns]
+    if missing:
+        raise ConfigError(
+            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(PATH_COLUMNS)}", source
+        )
+    values = table.select(polars.col(PATH_COLUMNS).cast(polars.Float64, strict=False)).to_numpy()
+    points_B, normals_B = np.hsplit(values, 2)
+    lengths = np.linalg.norm(normals_B, axis=1)
+    bad = ~(np.isfinite(values).all(axis=1) & (np.abs(lengths - 1.0) < UNIT_TOLERANCE))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise PlanningError(
+            f"point {row + 1} of {source} is {values[row]}: expected finite numbers and a normal of length 1",
+            values[row],
+        )
+    return points_B, normals_B / lengths[:, None]
+
+
+def read_cloud(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Points [m] and unit normals of a PLY file.
+
+    Raises:
+        ConfigError: The file is missing, is no PLY, or has no normals.
+    """
+    _require_file(source)
+    try:
+        with source.open("rb") as stream:
+            content = load_ply(stream)
+    except (ValueError, KeyError, IndexError) as error:
+        raise ConfigError(
+            f"{source} is not a PLY file ({error}): expected a cloud with normals in B", source
+        ) from error
+    vertices = content["metadata"]["_ply_raw"]["vertex"]["data"]
+    names = vertices.dtype.names or ()
+    if len(vertices) == 0 or not {"x", "y", "z", "nx", "ny", "nz"} <= set(names):
+        raise ConfigError(f"{source} holds no points with normals (x y z nx ny nz), but {', '.join(names)}", source)
+    values = np.stack([np.asarray(vertices[name], float) for name in ("x", "y", "z", "nx", "ny", "nz")], axis=1)
+    points, normals = np.hsplit(values[np.isfinite(values).all(axis=1)], 2)
+    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _require_file(source: Path) -> None:
+    if not source.is_file():
+        raise ConfigError(f"no file at {source}: expected a cloud (PLY) or a path (CSV), as a scan leaves them", source)

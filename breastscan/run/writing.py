@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import platform
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -19,11 +20,12 @@ from jaxtyping import Float, Float32
 from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
-from breastscan.execution import MotionLog, ScanMotion
-from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
 
 REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
 
+INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
+"""A list of numbers as `json` indents it; text in a string holds no line break."""
 ABORTED = "aborted"
 """Where in a run folder that lies which was measured before a scan was cut off."""
 
@@ -54,9 +56,16 @@ def staged(out: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def write_json(path: Path, content: dict) -> None:
-    """Write JSON that any reader takes: arrays as lists, paths as strings, no NaN."""
-    path.write_text(json.dumps(content, indent=2, default=_plain, allow_nan=False) + "\n", encoding="utf-8")
+def write_json(path: Path, content: object) -> None:
+    """Write JSON that any reader takes: arrays as lists, paths as strings, no NaN; a list of numbers on one line."""
+    text = json.dumps(content, indent=2, default=_plain, allow_nan=False)
+    text = INNERMOST.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def write_settings(folder: Path, settings: dict[str, object]) -> None:
+    """Write `config.json`: what a run was made with, versions included."""
+    write_json(folder / "config.json", {**settings, "versions": versions()})
 
 
 def _plain(value: object) -> object:
@@ -104,16 +113,16 @@ def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], normals: Float[np.
 
 def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]) -> None:
     """Write the path's points [m] and unit normals in B as CSV."""
-    columns = dict(zip(("x_m", "y_m", "z_m", "nx", "ny", "nz"), np.hstack([points_B, normals_B]).T, strict=True))
+    columns = dict(zip(PATH_COLUMNS, np.hstack([points_B, normals_B]).T, strict=True))
     pl.DataFrame(columns).write_csv(path, float_precision=7)
 
 
-def write_aborted(out: Path, table: pl.DataFrame, error: BaseException) -> Path:
+def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Path:
     """Save what was measured before a scan was cut off, beside the results of earlier runs.
 
     Args:
         out: The run folder.
-        table: As `trajectory` makes it.
+        trajectory: The log until then.
         error: What ended the scan.
 
     Returns:
@@ -121,52 +130,9 @@ def write_aborted(out: Path, table: pl.DataFrame, error: BaseException) -> Path:
     """
     folder = out / ABORTED
     folder.mkdir(parents=True, exist_ok=True)
-    table.write_parquet(folder / "trajectory.parquet")
-    on_path = table["s"].drop_nans()
-    reached = None if on_path.is_empty() else on_path[-1]
+    trajectory.save(folder / LOG_FILE)
+    on_path = trajectory.s[~np.isnan(trajectory.s)]
+    reached = on_path[-1] if on_path.size else None
     content = {"error": type(error).__name__, "message": str(error), "path_reached_m": reached, "versions": versions()}
     write_json(folder / "abort.json", content)
     return folder
-
-
-def trajectory(
-    log: MotionLog, motion: ScanMotion, X_FP: Float[np.ndarray, "4 4"], calibration: KinematicCalibration
-) -> pl.DataFrame:
-    """The log as a table, one row a control period, the planned values beside the measured ones.
-
-    Args:
-        log: What was done.
-        motion: What was planned.
-        X_FP: Probe tip in the flange.
-        calibration: The arm's kinematics as the robot reports by them: the poses are no truer than they are.
-
-    Returns:
-        Columns t [s], phase, s [m], q, qd, target, q_plan, qd_plan [rad, rad/s], X_BP, X_BP_plan (row-major 4x4 [m]),
-        wrench (at the tip, basis P, force first [N, N m]) and contact. Off the path, s and the plan are NaN.
-    """
-    states = [entry["state"] for entry in log.rows]
-    row = np.array([entry["row"] for entry in log.rows], float)
-    first = np.nan_to_num(row).astype(int)
-    second = np.minimum(first + 1, len(motion.q) - 1)
-    q = np.stack([state.q for state in states])
-
-    def planned(values: np.ndarray) -> np.ndarray:
-        flat = values.reshape(len(values), -1)
-        return flat[first] + (row - first)[:, None] * (flat[second] - flat[first])
-
-    return pl.DataFrame(
-        {
-            "t": np.array([state.time for state in states]),
-            "phase": [str(entry["phase"]) for entry in log.rows],
-            "s": planned(motion.s)[:, 0],
-            "q": q,
-            "qd": np.stack([state.qd for state in states]),
-            "target": np.stack([entry["target"] for entry in log.rows]),
-            "q_plan": planned(motion.q),
-            "qd_plan": planned(motion.qd),
-            "X_BP": (calibration.forward(q) @ X_FP).reshape(-1, 16),
-            "X_BP_plan": planned(calibration.forward(motion.q) @ X_FP),
-            "wrench": np.stack([state.wrench_P for state in states]),
-            "contact": [entry["contact"] for entry in log.rows],
-        }
-    )

@@ -11,6 +11,9 @@ from jaxtyping import Float, UInt8
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 
+SHORTEST_BASELINE = 1e-3
+"""Distance of two optical centres below which no depth can be told [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Intrinsics:
@@ -24,6 +27,14 @@ class Intrinsics:
     """Image width [px]."""
     height: int
     """Image height [px]."""
+
+    def __post_init__(self) -> None:
+        if not (self.K[0, 0] > 0 and self.K[1, 1] > 0 and min(self.width, self.height) > 0):
+            raise CalibrationError(
+                f"no camera has focal lengths of {self.K[0, 0]:g}, {self.K[1, 1]:g} px and {self.width}x{self.height} "
+                "px: is the camera matrix transposed, or empty?",
+                self.K,
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +98,7 @@ class StereoRig:
         has_hand_eye = not storage.getNode("X_BL").empty()
         X_BL = _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
         storage.release()
-        if np.linalg.norm(X_RL[:3, 3]) < 1e-3:
+        if np.linalg.norm(X_RL[:3, 3]) < SHORTEST_BASELINE:
             raise _not_a_rig(path, "the cameras' baseline is below 1 mm")
         return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
 

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from breastscan.errors import PerceptionError
+from breastscan.checks import require_positive
+from breastscan.errors import ConfigError, PerceptionError
 from breastscan.vision.refining.photometric import FitConfig, GreyLevels, PhotometricFit, fit_to_images, fit_to_matcher
 from breastscan.vision.refining.row_shift import RowShift, row_shift
 from breastscan.vision.refining.spline_field import Region
@@ -37,11 +38,9 @@ class RefineConfig:
     """Where the field is less certain, for want of texture, the matcher's disparity stands [px]."""
 
     def __post_init__(self) -> None:
+        require_positive(self, "refine")
         if self.spacing_px < 2:
-            raise ValueError(f"spacing_px must be 2 or more, got {self.spacing_px}")
-        for name in ("largest_change_px", "jump_px", "largest_sigma_px"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+            raise ConfigError(f"refine.spacing-px must be 2 or more, got {self.spacing_px}", self.spacing_px)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import RobotError
-from sim.arm.ur5e import SPEED_LIMIT
+from breastscan.robot.ur.ur5e import SPEED_LIMIT
 
 DIVERGED_SPEED = 10 * SPEED_LIMIT
 """Joint speed that no command can cause [rad/s]."""

@@ -16,8 +16,7 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.kinematics import DH_A, DH_ALPHA, DH_D
-from breastscan.robot.ur.targets import ANGLE_LIMIT as ANGLE_LIMIT
-from breastscan.robot.ur.targets import SPEED_LIMIT as SPEED_LIMIT
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT
 from sim.arm.ur5e_shapes import MATERIALS, base_shapes, link_capsules, link_shapes
 from sim.room.describe import Element, add_collision, add_materials, add_visual, placed
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from breastscan.geometry import se3
 from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
+from sim.rig_errors import rig_errors
 from sim.room.describe import Element, add_material, add_visual, placed
 from sim.room.shapes import along, barrel, joined
 from sim.scene import Scene, SceneConfig
@@ -23,6 +24,8 @@ ROD_RADIUS = 0.008
 """[m]"""
 X_FBOARD = se3.pose(np.eye(3), np.array([-0.275, -0.05, 0.12]))
 """The held board in the flange: beside the probe, its face turned back along the arm, up when the flange looks down."""
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+"""Successive multiples of this spread evenly over the circle [rad]."""
 COLOURS = {
     "board_black": (0.06, 0.06, 0.06, 1.0),
     "board_white": (0.66, 0.66, 0.66, 1.0),
@@ -53,6 +56,10 @@ class BoardScene(Scene):
         """Float the board at this pose from the next picture on."""
         body = self.pictures.body("board")
         body.pos, body.quat = X_BBoard[:3, 3], Rotation.from_matrix(X_BBoard[:3, :3]).as_quat(scalar_first=True)
+
+    def errors_of(self, rig: StereoRig) -> dict[str, float]:
+        """How far an estimated rig is from the scene's own."""
+        return rig_errors(rig, self.rig)
 
     def _describe(self, *, with_skin: bool) -> Element:
         root = super()._describe(with_skin=False)
@@ -108,6 +115,19 @@ def _bracket(board: Board) -> trimesh.Trimesh:
     rod = along(barrel(ROD_RADIUS, axis_x - x, 0.001), (1.0, 0.0, 0.0), (x, y, behind))
     post = along(barrel(ROD_RADIUS, X_FBOARD[2, 3] + behind, 0.001), (0.0, 0.0, -1.0), (axis_x, y, behind))
     return joined(rod, post)
+
+
+def tilted(number: int, tilt_deg: tuple[float, float], rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
+    """A tilt about an axis that goes round from shot to shot, after a small turn about the line of sight."""
+    axis = number * GOLDEN_ANGLE
+    tilt = np.radians(rng.uniform(*tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
+    spin = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
+    return se3.from_rotation_vector(tilt, np.zeros(3)) @ se3.from_rotation_vector(spin, np.zeros(3))
+
+
+def centred(board: Board) -> Float[np.ndarray, "4 4"]:
+    """The board in a frame at its middle."""
+    return se3.pose(np.eye(3), -board.centre)
 
 
 def seen_by_both(rig: StereoRig, X_LBoard: Float[np.ndarray, "4 4"], board: Board) -> bool:

@@ -2,7 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the corner."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from breastscan.checks import require_positive
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
+from breastscan.run.columns import Trajectory
 from sim.cameras.picture import Picture
 from sim.scene import Scene
 from sim.tissue.contact import Mechanics
@@ -70,29 +72,13 @@ class VideoConfig:
     """Whether `sim.cameras.filament` draws it; it must be usable."""
 
     def __post_init__(self) -> None:
-        for name in ("width", "height", "fps", "speed_up"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name} of the video must be positive, got {getattr(self, name)}", self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Footage:
-    """What happened during a scan, one row a control period."""
-
-    time: Float[np.ndarray, "n"]
-    """Rising [s]."""
-    q: Float[np.ndarray, "n 6"]
-    """Joint angles [rad]."""
-    force: Float[np.ndarray, "n"]
-    """Contact force along the probe [N]."""
-    phase: Sequence[str]
-    """What the scan was doing."""
+        require_positive(self, "video")
 
 
 def render_video(
     scene: Scene,
     tissue: Mechanics,
-    footage: Footage,
+    went: Trajectory,
     path: Path,
     config: VideoConfig | None = None,
     progress: Callable[[float, str], None] | None = None,
@@ -102,7 +88,7 @@ def render_video(
     Args:
         scene: Where it happened.
         tissue: What the probe pressed.
-        footage: What happened.
+        went: What happened, the true force in it.
         path: File to write, ending in .mp4.
         config: Size and pace.
         progress: Told the share done (0 to 1) and what is being done.
@@ -111,10 +97,10 @@ def render_video(
         ConfigError: The file cannot be written, or no OpenGL is usable.
     """
     config = config or VideoConfig()
-    rows = _frame_rows(footage.time, config.speed_up / config.fps)
+    rows = _frame_rows(went.t, config.speed_up / config.fps)
     writer = _open_writer(path, config)
     try:
-        for count, frame in enumerate(_frames(scene, tissue, footage, rows, config), start=1):
+        for count, frame in enumerate(_frames(scene, tissue, went, rows, config), start=1):
             writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
             if progress is not None:
                 progress(count / len(rows), "rendering the video")
@@ -155,9 +141,10 @@ def _frame_rows(time: Float[np.ndarray, "n"], step: float) -> list[int]:
 
 
 def _frames(
-    scene: Scene, tissue: Mechanics, footage: Footage, rows: list[int], config: VideoConfig
+    scene: Scene, tissue: Mechanics, went: Trajectory, rows: list[int], config: VideoConfig
 ) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
     """RGB pictures of these rows, with close-up and caption."""
+    assert went.true_force is not None, "the twin knows it"
     frame_px = (config.width, config.height)
     inset_px = _scaled(frame_px, INSET_SHARE)
     with (
@@ -165,11 +152,11 @@ def _frames(
         closing(Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine)) as near,
     ):
         for row in rows:
-            q, time = footage.q[row], float(footage.time[row])
+            q, time = went.q[row], float(went.t[row])
             skin_S = pressed_skin(scene, tissue, q, time)
             frame = _shoot(wide, OVERVIEW, q, skin_S, frame_px, time)
             _inset(frame, _shoot(near, CLOSE_UP, q, skin_S, inset_px, time))
-            _caption(frame, footage.time[row] - footage.time[0], footage.force[row], footage.phase[row], config)
+            _caption(frame, went.elapsed[row], went.true_force[row], went.phase[row], config)
             yield frame
 
 

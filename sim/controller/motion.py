@@ -11,7 +11,8 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
-from breastscan.robot.ur.targets import SPEED_LIMIT, SPEED_TOLERANCE
+from breastscan.robot.ur.targets import SPEED_TOLERANCE
+from breastscan.robot.ur.ur5e import SPEED_LIMIT
 from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
 

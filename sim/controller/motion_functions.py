@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.robot.ur.targets import ANGLE_LIMIT, SPEED_LIMIT, SPEED_TOLERANCE
+from breastscan.robot.ur.targets import SPEED_TOLERANCE
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
 from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
 from sim.controller import motion
 from sim.controller.controller import Controller

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 from breastscan.errors import RobotError
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
 from sim.arm.servo import PERIOD
 from sim.controller import dashboard, primary
 from sim.controller.clients import Client, by_line
@@ -21,7 +22,7 @@ from sim.controller.rtde import EXCEPTION, Connection, Registry
 from sim.controller.urscript.splitter import Splitter
 from sim.controller.urscript.values import ScriptError
 
-RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORTS = 30004, 29999, (30001, 30002, 30003)
+SCRIPT_PORTS = (30001, 30002, 30003)
 """A controller's; clients have them built in."""
 LAST_DASHBOARD = 9
 """Last major version with a dashboard."""

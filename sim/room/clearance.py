@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""How far the arm and its tool stay from themselves, table, chest plate and camera stand."""
+"""How far an arm and its tool stay from themselves and from what stands around them in their cell."""
 
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from sim.arm.ur5e import joint_names
-from sim.room.describe import ARM_BIT, SURROUNDINGS_BIT
-from sim.room.surroundings import CHEST_HULL
-from sim.scene import Scene
+from breastscan.cell import Cell, Shape
+from breastscan.errors import ConfigError
+from sim.arm.ur5e import add_arm, joint_names
+from sim.room.describe import ARM_BIT, SURROUNDINGS_BIT, Element, add_collision, compiled, mjcf, placed
 
 MEASURED_UP_TO = 1.0
 """Distances beyond this are not told apart [m]."""
@@ -39,23 +39,21 @@ class Clearance:
     out.
     """
 
-    def __init__(self, scene: Scene, *, with_chest: bool = True) -> None:
+    def __init__(self, cell: Cell, *, with_chest: bool = True) -> None:
         """Collect the pairs.
 
         Args:
-            scene: Where the arm stands.
-            with_chest: Whether the chest plate counts. The cell's own shapes are known to who plans in it; where the
-                chest lies is for the cameras to find out.
+            cell: Where the arm stands.
+            with_chest: Whether the chest counts. The cell's own shapes are known to who plans in it; where the chest
+                lies is for the cameras to find out.
         """
-        self._model = scene.physics
+        self._model = compiled(_describe(cell, with_chest))
         self._data = mujoco.MjData(self._model)
         self._joints = [self._model.joint(name).qposadr[0] for name in joint_names()]
         arm = np.flatnonzero(self._model.geom_contype == ARM_BIT).tolist()
         fixed = [self._model.body(name).id for name in FIXED_LINKS]
         moving = [geom for geom in arm if self._model.geom_bodyid[geom] not in fixed]
         surroundings = np.flatnonzero(self._model.geom_contype == SURROUNDINGS_BIT).tolist()
-        if not with_chest:
-            surroundings.remove(self._model.geom(CHEST_HULL).id)
         apart = [pair for pair in combinations(arm, 2) if not self._joined(*pair)]
         self._pairs = [*product(moving, surroundings), *apart]
 
@@ -81,3 +79,22 @@ class Clearance:
         rigid = self._model.body_weldid[self._model.geom_bodyid[[first, second]]]
         parents = self._model.body_weldid[self._model.body_parentid[rigid]]
         return bool(rigid[0] == rigid[1] or rigid[0] == parents[1] or rigid[1] == parents[0])
+
+
+def _describe(cell: Cell, with_chest: bool) -> Element:
+    root: Element = mjcf.RootElement(model="cell")
+    root.compiler.angle = "radian"
+    flange = add_arm(root, cell.kinematics)
+    chest = [cell.chest] if cell.chest is not None and with_chest else []
+    for shape in cell.tool:
+        _add(flange, shape, of_arm=True)
+    for shape in (*cell.room, *chest):
+        _add(root.worldbody, shape, of_arm=False)
+    return root
+
+
+def _add(body: Element, shape: Shape, *, of_arm: bool) -> None:
+    try:
+        add_collision(body, shape.name, of_arm=of_arm, type=shape.kind, size=shape.size, **placed(shape.X))
+    except ValueError as error:
+        raise ConfigError(f"the hull {shape.name} of the cell cannot be used: {error}", shape.name) from error

@@ -1,8 +1,11 @@
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no types)
 """Small helpers to write a MuJoCo description with `dm_control.mjcf`."""
 
 from typing import Any
 
 import cv2
+import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
@@ -68,3 +71,8 @@ def add_collision(body: Element, name: str, *, of_arm: bool, **shape: object) ->
     """A shape that touches but is not seen and does not weigh."""
     own, other = (ARM_BIT, SURROUNDINGS_BIT) if of_arm else (SURROUNDINGS_BIT, ARM_BIT)
     body.add("geom", name=name, group=COLLISION_GROUP, contype=own, conaffinity=other, mass=0, **shape)
+
+
+def compiled(root: Element) -> mujoco.MjModel:
+    """The model that a description makes."""
+    return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from breastscan.checks import require_positive
 from breastscan.errors import ConfigError
 from sim.tissue.breast import SHAPES, BreastClass
 from sim.tissue.layers import LayerConfig
@@ -43,9 +44,7 @@ class PhantomConfig:
         for name, known in (("breast", SHAPES), ("texture", get_args(Texture)), ("mechanics", get_args(Mechanics))):
             if getattr(self, name) not in known:
                 raise ConfigError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}", self)
-        for name in ("size", "projection", "young"):
-            if not 0 < getattr(self, name) < float("inf"):
-                raise ConfigError(f"{name} must be positive, got {getattr(self, name)}", getattr(self, name))
+        require_positive(self, "phantom", but=("ptosis", "asymmetry", "gel_friction", "poisson", "seed", "layers"))
         for name in ("ptosis", "asymmetry", "gel_friction"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}", getattr(self, name))

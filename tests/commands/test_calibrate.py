@@ -1,5 +1,6 @@
 """Both calibrations from folders on disk: what they write, and what they say of damaged input."""
 
+import json
 from dataclasses import replace
 
 import cv2
@@ -8,7 +9,9 @@ import pytest
 
 from breastscan import cli
 from breastscan.camera.interface import StereoPair
-from breastscan.commands import calibrate, shots
+from breastscan.commands import shots
+from breastscan.commands.calibrate import calibrate
+from breastscan.commands.handeye import handeye
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
@@ -20,6 +23,13 @@ X_FBOARD = se3.pose(np.eye(3), np.array([-0.27, -0.05, 0.12]))
 @pytest.fixture(scope="module")
 def rig():
     return make_rig(distorted=False)
+
+
+@pytest.fixture(scope="module")
+def rig_file(rig, tmp_path_factory):
+    path = tmp_path_factory.mktemp("rig") / "rig.yaml"
+    rig.save(path)
+    return path
 
 
 def write_pictures(folder, rig, X_LBoard):
@@ -45,7 +55,8 @@ def flange_folder(rig, tmp_path_factory):
 
 
 def test_a_folder_of_shots_becomes_a_rig_with_its_residuals_and_figures(rig, board_folder, tmp_path):
-    metrics = calibrate.calibrate_rig(board_folder, tmp_path, BOARD)
+    calibrate(board_folder, out=tmp_path, board=BOARD)
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
     found = StereoRig.load(tmp_path / "rig.yaml")
     assert metrics["calibration_reprojection_px"] < 0.15
     assert abs(found.baseline - rig.baseline) * 1e3 < 0.3
@@ -55,8 +66,8 @@ def test_a_folder_of_shots_becomes_a_rig_with_its_residuals_and_figures(rig, boa
     assert len((tmp_path / "residuals.csv").read_text().splitlines()) == 17
 
 
-def test_a_folder_with_poses_becomes_the_cameras_place(rig, flange_folder, tmp_path):
-    calibrate.calibrate_hand_eye(flange_folder, tmp_path, rig, BOARD)
+def test_a_folder_with_poses_becomes_the_cameras_place(rig, rig_file, flange_folder, tmp_path):
+    handeye(flange_folder, rig=rig_file, out=tmp_path, board=BOARD)
     X_LL = se3.inverse(rig.X_BL) @ StereoRig.load(tmp_path / "rig.yaml").X_BL
     assert np.linalg.norm(X_LL[:3, 3]) * 1e3 < 0.5
     assert {"poses.png", "frames.png", "residuals.png"} <= {path.name for path in tmp_path.iterdir()}
@@ -78,13 +89,13 @@ def test_damaged_poses_are_refused_by_the_files_name(content, tmp_path):
         shots.read_poses(tmp_path)
 
 
-def test_missing_poses_and_missing_rows_are_named(rig, board_folder, tmp_path):
+def test_missing_poses_and_missing_rows_are_named(rig, rig_file, board_folder, tmp_path):
     with pytest.raises(CalibrationError, match=r"no poses\.csv"):
         shots.read_poses(board_folder)
     write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
     shots.write_poses(tmp_path, {"00": np.eye(4)})
     with pytest.raises(CalibrationError, match="no row for 01"):
-        calibrate.calibrate_hand_eye(tmp_path, tmp_path / "out", rig, BOARD)
+        handeye(tmp_path, rig=rig_file, out=tmp_path / "out", board=BOARD)
 
 
 def test_an_empty_folder_is_refused(tmp_path):
@@ -97,7 +108,7 @@ def test_pictures_without_a_board_are_refused_and_nothing_is_written(tmp_path):
     shots.write_shot(tmp_path, "00", StereoPair(left=black, right=black, time=0.0))
     out = tmp_path / "out"
     with pytest.raises(CalibrationError, match="none of the 1 shots"):
-        calibrate.calibrate_rig(tmp_path, out, BOARD)
+        calibrate(tmp_path, out=out, board=BOARD)
     assert list(out.iterdir()) == []
 
 
@@ -131,14 +142,15 @@ def test_pictures_of_another_size_are_named(rig, tmp_path):
 
 
 def test_a_rig_of_another_resolution_is_refused(rig, flange_folder, tmp_path):
-    larger = replace(rig, left=replace(rig.left, width=1280, height=1024))
+    replace(rig, left=replace(rig.left, width=1280, height=1024)).save(tmp_path / "larger.yaml")
     with pytest.raises(CalibrationError, match="1280x1024"):
-        calibrate.calibrate_hand_eye(flange_folder, tmp_path, larger, BOARD)
+        handeye(flange_folder, rig=tmp_path / "larger.yaml", out=tmp_path / "out", board=BOARD)
 
 
+@pytest.mark.parametrize("command", [["calibrate"], ["handeye", "--rig", "rig.yaml"]])
 @pytest.mark.parametrize("arguments", [[], ["folder", "--twin"]])
-def test_the_command_takes_either_a_folder_or_the_twin(arguments, capsys):
+def test_the_command_takes_either_a_folder_or_the_twin(command, arguments, capsys):
     with pytest.raises(SystemExit) as caught:
-        cli.main(["calibrate", *arguments])
+        cli.main([*command, *arguments])
     assert caught.value.code == 1
     assert "either a folder of shots or --twin" in capsys.readouterr().err

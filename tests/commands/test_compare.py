@@ -8,7 +8,7 @@ import pytest
 
 from breastscan.commands.compare import compare
 from breastscan.errors import ConfigError
-from tests.report.synthetic_run import trajectory_table
+from tests.run.synthetic_run import trajectory_table
 
 LATER, DEEPER, HARDER, TURN = 0.4, 0.002, 0.25, 0.01
 """What the second run does otherwise [s, m, N, rad]."""

@@ -1,7 +1,10 @@
+from pathlib import Path
+
 import pytest
 
 from breastscan.commands import doctor
 from breastscan.errors import ConfigError
+from breastscan.vision.matching import lanes
 
 
 def test_rendering_works_here_or_the_cure_names_the_packages(monkeypatch):
@@ -20,6 +23,13 @@ def test_a_machine_without_opengl_is_told_what_to_install(monkeypatch):
 
 def test_what_a_scan_can_do_without_does_not_fail():
     doctor.require_needed([doctor.Finding("Vulkan", False, "no loader", "install it", needed=False)])
+
+
+def test_the_cache_of_the_kernels_is_looked_for_where_numba_keeps_it(monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    finding = next(f for f in doctor.examine() if "kernels" in f.what)
+    beside = Path(lanes.__file__).parent / "__pycache__"
+    assert finding.detail.endswith(str(beside))
 
 
 def test_an_unwritable_cache_is_found_and_its_variable_named(monkeypatch, tmp_path):

@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,9 @@ import trimesh
 
 from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
-from breastscan.geometry import se3
+from breastscan.geometry import kinematics, se3
 from breastscan.run import writing
+from breastscan.run.reading import read_cloud, read_path
 from sim.wrist.probe import tip_pose
 
 CENTRE_B, RADIUS, HEIGHT = np.array([0.5, 0.0, 0.08]), 0.075, 0.055
@@ -24,6 +26,11 @@ def dome() -> tuple[np.ndarray, np.ndarray]:
     return CENTRE_B + axes * unit, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
+def tips(planned) -> np.ndarray:
+    """Where the probe's tip goes, in B [m]."""
+    return (kinematics.forward(planned.q) @ tip_pose(np.pi / 4))[:, :3, 3]
+
+
 @pytest.fixture(scope="module")
 def cloud(tmp_path_factory):
     path = tmp_path_factory.mktemp("cloud") / "cloud.ply"
@@ -32,26 +39,39 @@ def cloud(tmp_path_factory):
 
 
 def test_a_cloud_becomes_a_loop_at_half_height_with_its_program(tmp_path, cloud):
-    planned = plan.plan(cloud, tmp_path, plan.PlanConfig(), urscript=True)
-    heights_mm = 1e3 * (planned.feed.positions[:, 2] - CENTRE_B[2])
+    planned = plan.plan(cloud, tmp_path, urscript=True)
+    heights_mm = 1e3 * (tips(planned)[:, 2] - CENTRE_B[2])
     np.testing.assert_allclose(heights_mm, 1e3 * HEIGHT / 2, atol=0.5)
-    ring_mm = 1e3 * np.linalg.norm((planned.feed.positions - CENTRE_B)[:, :2], axis=1)
+    ring_mm = 1e3 * np.linalg.norm((tips(planned) - CENTRE_B)[:, :2], axis=1)
     np.testing.assert_allclose(ring_mm, 1e3 * RADIUS * np.sqrt(0.75), atol=0.5)
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"path.csv", "trajectory.csv", "trajectory.json", "path.script"}
 
 
+def test_tables_hold_time_joints_and_tool_poses_that_agree(tmp_path, cloud):
+    planned = plan.plan(cloud, tmp_path)
+    rows = pl.read_csv(tmp_path / "trajectory.csv")
+    assert tuple(rows.columns) == plan.COLUMNS
+    values = rows.to_numpy()
+    np.testing.assert_allclose(np.diff(values[:, 0]), 0.002, atol=1e-9)
+    X_BP = se3.from_rotation_vector(values[:, 10:13], values[:, 7:10])
+    np.testing.assert_allclose(X_BP, kinematics.forward(values[:, 1:7]) @ tip_pose(np.pi / 4), atol=1e-7)
+    content = json.loads((tmp_path / "trajectory.json").read_text())
+    np.testing.assert_allclose(content["rows"], values, atol=1e-9)
+    np.testing.assert_allclose(content["q_approach_rad"], planned.q_approach)
+
+
 def test_the_path_of_a_plan_gives_the_same_plan_again(tmp_path, cloud):
-    first = plan.plan(cloud, tmp_path / "first", plan.PlanConfig(), urscript=False)
-    again = plan.plan(tmp_path / "first" / "path.csv", tmp_path / "again", plan.PlanConfig(), urscript=False)
-    np.testing.assert_allclose(again.feed.positions[::500], first.feed.positions[::500], atol=1e-6)
+    first = plan.plan(cloud, tmp_path / "first")
+    again = plan.plan(tmp_path / "first" / "path.csv", tmp_path / "again")
+    np.testing.assert_allclose(tips(again)[::500], tips(first)[::500], atol=1e-6)
     assert not (tmp_path / "again" / "path.script").exists()
 
 
 def test_the_plate_may_lie_lower_than_the_cloud(tmp_path, cloud):
     config = plan.PlanConfig(plate_height=0.07)
-    planned = plan.plan(cloud, tmp_path, config, urscript=False)
-    np.testing.assert_allclose(planned.feed.positions[:, 2] * 1e3, 70.0 + 32.5, atol=0.5)
+    planned = plan.plan(cloud, tmp_path, settings=config)
+    np.testing.assert_allclose(tips(planned)[:, 2] * 1e3, 70.0 + 32.5, atol=0.5)
 
 
 def test_the_default_tool_is_the_twins():
@@ -77,7 +97,7 @@ def table(**changes: list) -> pl.DataFrame:
 def test_a_path_that_is_none_says_which_point_or_column(tmp_path, rows, error, why):
     rows.write_csv(tmp_path / "path.csv")
     with pytest.raises(error, match=why):
-        plan.read_path(tmp_path / "path.csv")
+        read_path(tmp_path / "path.csv")
 
 
 @pytest.mark.parametrize("points", [3, 5])
@@ -85,25 +105,25 @@ def test_too_few_or_repeated_points_are_refused(tmp_path, points):
     rows = pl.concat([table()[:3]] * 2)[:points]
     rows.write_csv(tmp_path / "path.csv")
     with pytest.raises(BreastScanError, match="point"):
-        plan.plan(tmp_path / "path.csv", tmp_path / "out", plan.PlanConfig(), urscript=False)
+        plan.plan(tmp_path / "path.csv", tmp_path / "out")
 
 
 def test_a_cloud_without_normals_is_refused(tmp_path):
     (tmp_path / "cloud.ply").write_bytes(trimesh.PointCloud(dome()[0]).export(file_type="ply"))
     with pytest.raises(ConfigError, match="no points with normals"):
-        plan.read_cloud(tmp_path / "cloud.ply")
+        read_cloud(tmp_path / "cloud.ply")
 
 
 @pytest.mark.parametrize("name", ["cloud.ply", "path.csv"])
 def test_missing_and_damaged_files_are_named(tmp_path, name):
     with pytest.raises(ConfigError, match="no file at"):
-        plan.plan(tmp_path / name, tmp_path / "out", plan.PlanConfig(), urscript=False)
+        plan.plan(tmp_path / name, tmp_path / "out")
     (tmp_path / name).write_bytes(b"\x00\x01 nothing of the kind")
     with pytest.raises(ConfigError, match=name):
-        plan.plan(tmp_path / name, tmp_path / "out", plan.PlanConfig(), urscript=False)
+        plan.plan(tmp_path / name, tmp_path / "out")
 
 
 def test_a_calibration_that_is_none_stops_the_plan(tmp_path, cloud):
     config = replace(plan.PlanConfig(), calibration=tmp_path / "calibration.conf")
     with pytest.raises(CalibrationError, match=r"calibration\.conf"):
-        plan.plan(cloud, tmp_path / "out", config, urscript=False)
+        plan.plan(cloud, tmp_path / "out", settings=config)

@@ -9,10 +9,9 @@ import time
 import numpy as np
 import polars as pl
 import pytest
-from rich.console import Console
 
 from breastscan.camera.interface import StereoCamera, StereoPair
-from breastscan.commands import scan_twin
+from breastscan.commands.scan import scan
 from breastscan.errors import CalibrationError, PerceptionError, PlanningError
 from breastscan.robot.interface import Robot
 from breastscan.scan import ScanConfig, Stages, perceive
@@ -25,15 +24,14 @@ from sim.wrist.wrench_errors import WRENCH_CLASSES
 
 FILES = {
     "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
-    "trajectory.parquet", "report.html",
+    "trajectory.parquet", "cell.json", "report.html",
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("scan")
-    quiet = Console(quiet=True)
-    scan_twin.run(out, seed=0, video=False, config=ScanConfig(), scene_config=SceneConfig(), console=quiet)
+    scan(out, video=False)
     return out
 
 
@@ -148,14 +146,7 @@ def test_an_image_without_a_breast_is_refused(rig):
 def test_a_scan_that_cannot_be_made_leaves_earlier_results_whole(tmp_path, scene, error):
     (tmp_path / "metrics.json").write_text("earlier")
     with pytest.raises(error):
-        scan_twin.run(
-            tmp_path,
-            seed=0,
-            video=False,
-            config=ScanConfig(),
-            scene_config=scene(tmp_path),
-            console=Console(quiet=True),
-        )
+        scan(tmp_path, video=False, scene=scene(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["metrics.json"]
     assert (tmp_path / "metrics.json").read_text() == "earlier"
 

@@ -4,55 +4,80 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from breastscan.commands import scan_robot
-from breastscan.commands.scan_robot import RobotScan
+from breastscan.commands import scan as scan_command
+from breastscan.commands.scan import host_of, robot_cell, scan
 from breastscan.errors import CalibrationError, ConfigError, RobotError, SafetyError
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.payload import Payload
-from breastscan.robot.ur.rtde_robot import RtdeConfig
-from breastscan.scan import ScanConfig
+from breastscan.robot.ur.worker import LinkLimits
+from sim.room.cell import cell_of
 from sim.scene import Scene
 
-NOBODY = "127.0.0.43"
+NOBODY = "rtde://127.0.0.43"
 
 
-def no_camera():
-    raise AssertionError("nothing may be looked at")
+@pytest.fixture(autouse=True)
+def nothing_may_be_looked_at(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("nothing may be looked at")
 
-
-def run(tmp_path, setup):
-    return scan_robot.run(tmp_path / "out", setup, no_camera, ScanConfig(), {}, Console(quiet=True))
-
-
-@pytest.fixture(scope="module")
-def setup():
-    payload = Payload(mass=0.4, centre_F=np.zeros(3))
-    return RobotScan(robot=RtdeConfig(host=NOBODY, X_FP=np.eye(4), payload=payload), rig=Scene().rig, consent=True)
+    monkeypatch.setattr(scan_command, "open_camera", refuse)
+    monkeypatch.setattr(scan_command, "SimStereoCamera", refuse)
 
 
 @pytest.mark.parametrize(("option", "host"), [("rtde://127.0.0.1", "127.0.0.1"), ("rtde://arm.cell", "arm.cell")])
 def test_the_host_stands_after_the_scheme(option, host):
-    assert scan_robot.host_of(option) == host
+    assert host_of(option) == host
 
 
 @pytest.mark.parametrize("option", ["127.0.0.1", "rtde://", "rtde://arm:30004", "http://arm", "rtde://arm/x"])
 def test_a_robot_of_another_form_is_refused(option):
     with pytest.raises(ConfigError, match="rtde://HOST"):
-        scan_robot.host_of(option)
+        host_of(option)
 
 
-def test_a_rig_without_hand_eye_is_refused_first(tmp_path, setup):
+@pytest.mark.parametrize(
+    "options", [{"yes": True}, {"dry_run": True}, {"camera": "devices:0,1"}, {"cell": "cell.json"}]
+)
+def test_what_only_a_robot_has_is_refused_without_one(tmp_path, options):
+    with pytest.raises(ConfigError, match="--robot"):
+        scan(tmp_path / "out", **options)
+
+
+def test_a_rig_without_hand_eye_is_refused_first(tmp_path):
+    replace(Scene().rig, X_BL=None).save(tmp_path / "rig.yaml")
     with pytest.raises(CalibrationError, match="handeye"):
-        run(tmp_path, replace(setup, rig=replace(setup.rig, X_BL=None)))
+        scan(tmp_path / "out", robot=NOBODY, rig=tmp_path / "rig.yaml", yes=True)
 
 
-def test_nobody_to_agree_is_a_refusal(tmp_path, setup):
+def test_nobody_to_agree_is_a_refusal(tmp_path):
     with pytest.raises(SafetyError, match="--yes"):
-        run(tmp_path, replace(setup, consent=False))
+        scan(tmp_path / "out", robot=NOBODY)
 
 
-def test_no_controller_is_told_and_leaves_nothing_behind(tmp_path, setup):
+def test_no_controller_is_told_and_leaves_nothing_behind(tmp_path):
     with pytest.raises(RobotError, match="no controller answers"):
-        run(tmp_path, setup)
+        scan(tmp_path / "out", robot=NOBODY, yes=True)
     assert not (tmp_path / "out").exists()
+
+
+def test_the_file_of_a_cell_takes_the_place_of_the_scenes_and_options_that_of_the_file(tmp_path):
+    scene = Scene()
+    other = replace(cell_of(scene), payload=Payload(mass=1.1, centre_F=scene.X_FP[:3, 3]), link=LinkLimits(slack=2.0))
+    other.save(tmp_path / "cell.json")
+    assert robot_cell(scene, None, None, None, LinkLimits()).payload.mass < 0.5
+    cell = robot_cell(scene, tmp_path / "cell.json", None, None, LinkLimits())
+    assert (cell.payload.mass, cell.link.slack) == (1.1, 2.0)
+    assert robot_cell(scene, tmp_path / "cell.json", None, None, LinkLimits(slack=3.0)).link.slack == 3.0
+
+
+def test_rig_and_calibration_take_the_place_of_the_cells(tmp_path):
+    scene = Scene()
+    estimated = replace(scene.rig, X_BL=scene.X_BL @ scene.X_BL)
+    estimated.save(tmp_path / "rig.yaml")
+    rows = "\n".join(f"delta_{name} = [0.0002, 0, 0, 0, 0, 0]" for name in ("theta", "d", "a", "alpha"))
+    (tmp_path / "calibration.conf").write_text(f"[mounting]\n{rows}\n")
+    cell = robot_cell(scene, None, tmp_path / "rig.yaml", tmp_path / "calibration.conf", LinkLimits())
+    np.testing.assert_allclose(cell.rig.X_BL, estimated.X_BL, atol=1e-12)
+    assert not np.array_equal(cell.kinematics.X_joints, KinematicCalibration.nominal().X_joints)

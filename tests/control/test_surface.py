@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from breastscan.control.contact import ContactConfig
 from breastscan.control.surface import EXPONENT, Surface, SurfaceConfig
 from breastscan.errors import ConfigError
 
@@ -78,5 +79,5 @@ def test_in_the_air_nothing_is_learnt():
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():
-    with pytest.raises(ConfigError, match="stiffness-spread"):
-        SurfaceConfig(stiffness_spread=0.0)
+    with pytest.raises(ConfigError, match=r"contact\.surface\.stiffness-spread"):
+        ContactConfig(surface=SurfaceConfig(stiffness_spread=0.0))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from breastscan.control import tilt
+from breastscan.control.contact import ContactConfig
 from breastscan.control.tilt import Drag, TiltConfig, TiltMemory
 from breastscan.errors import ConfigError
 
@@ -66,5 +67,5 @@ def test_without_a_firm_contact_or_a_good_sensor_nothing_is_turned(change):
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():
-    with pytest.raises(ConfigError, match="time-constant"):
-        TiltConfig(time_constant=0.0)
+    with pytest.raises(ConfigError, match=r"contact\.tilt\.time-constant"):
+        ContactConfig(tilt=TiltConfig(time_constant=0.0))

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from breastscan.errors import PlanningError
+from breastscan.geometry.plane import Plane
 from breastscan.planning import coverage
 from breastscan.planning.coverage import Dome
-from breastscan.planning.pattern import ChestPlate, Path, PatternConfig
+from breastscan.planning.pattern import Path, PatternConfig
 
 RADIUS = 0.070
 CENTRE_B = np.array([0.5, 0.05, 0.08])
@@ -19,7 +20,7 @@ def dome() -> Dome:
     direction[:, 2] = np.abs(direction[:, 2])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     points_B = CENTRE_B + direction * (RADIUS + rng.normal(0.0, 3e-4, (6000, 1)))
-    plate = ChestPlate(normal_B=np.array([0.0, 0.0, 1.0]), offset=0.08)
+    plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=0.08)
     return Dome.around(points_B, direction, plate, PatternConfig())
 
 

@@ -2,13 +2,14 @@ import numpy as np
 import pytest
 
 from breastscan.errors import ConfigError, PlanningError
+from breastscan.geometry.plane import Plane
 from breastscan.planning import pattern
 from breastscan.planning.patch import Surface
-from breastscan.planning.pattern import ChestPlate, PatternConfig
+from breastscan.planning.pattern import PatternConfig
 
 SEMI_AXES = np.array([0.070, 0.080, 0.055])
 S_ORIGIN_B = np.array([0.5, 0.0, 0.08])
-PLATE = ChestPlate(normal_B=np.array([0.0, 0.0, 1.0]), offset=0.08)
+PLATE = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=0.08)
 
 
 def ellipsoid_cloud(count: int = 4000, noise: float = 3e-4, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +110,7 @@ def test_tilted_plate_is_followed():
     tilt = np.radians(10.0)
     R = np.array([[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]])
     points_B, normals_B = ellipsoid_cloud()
-    tilted = ChestPlate(normal_B=R[:, 2], offset=float(R[:, 2] @ S_ORIGIN_B))
+    tilted = Plane(normal=R[:, 2], offset=float(R[:, 2] @ S_ORIGIN_B))
     turned_B = (points_B - S_ORIGIN_B) @ R.T + S_ORIGIN_B
     loop = pattern.half_height_loop(turned_B, normals_B @ R.T, tilted, PatternConfig())
     np.testing.assert_allclose(tilted.heights(loop.points_B) * 1e3, 27.5, atol=0.2)
@@ -154,5 +155,5 @@ def test_an_empty_band_is_refused():
     ("name", "value"), [("points", 3), ("height_share", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)]
 )
 def test_settings_that_make_no_loop_are_named(name, value):
-    with pytest.raises(ConfigError, match=name):
+    with pytest.raises(ConfigError, match=name.replace("_", "-")):
         PatternConfig(**{name: value})

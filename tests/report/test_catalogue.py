@@ -5,7 +5,7 @@ import math
 import pytest
 
 from breastscan.report import catalogue
-from tests.report.synthetic_run import METRICS
+from tests.run.synthetic_run import METRICS
 
 
 def shown(metrics):

@@ -5,7 +5,7 @@ import pytest
 
 from breastscan.report import cloud_view, contact_figures, joint_figures, path_figures, theme, time_figures
 from breastscan.run.columns import Trajectory
-from tests.report.synthetic_run import INDENTATION, SET_POINT, write_run
+from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
 
 
 @pytest.fixture(scope="session")

@@ -9,10 +9,9 @@ import pytest
 
 from breastscan.errors import ConfigError
 from breastscan.report import write
-from breastscan.report.settings import force_set_point
 from breastscan.report.theme import CSS_VARIABLES
 from breastscan.run.reading import REQUIRED_FILES
-from tests.report.synthetic_run import CONFIG, write_run
+from tests.run.synthetic_run import write_run
 
 VOID_ELEMENTS = {"meta", "img", "br", "link", "input"}
 SIZE_LIMIT_BYTES = 6_000_000
@@ -143,7 +142,7 @@ def test_every_colour_of_the_figures_is_defined_for_light_dark_and_print(variabl
     assert style.count(f"{variable}: #") == 3
 
 
-def test_the_set_point_is_found_however_deep_it_is_nested():
-    assert force_set_point(CONFIG) == 5.0
-    assert force_set_point({"contact": {"force": 3}}) == 3.0
-    assert force_set_point({"seed": 1, "contact": {"damping": 60.0}}) is None
+def test_settings_that_do_not_say_the_set_point_make_a_page_without_it(tmp_path):
+    folder = write_run(tmp_path)
+    (folder / "config.json").write_text('{"seed": 1}')
+    assert "Contact" in read(write(folder)).headings

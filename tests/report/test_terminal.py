@@ -5,7 +5,7 @@ import io
 from rich.console import Console
 
 from breastscan.report import summary
-from tests.report.synthetic_run import METRICS
+from tests.run.synthetic_run import METRICS
 
 
 def printed(metrics):

@@ -3,6 +3,7 @@
 import json
 import os
 import stat
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,6 +13,8 @@ import trimesh
 
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.run import writing
+from breastscan.run.columns import Trajectory
+from tests.run.synthetic_run import trajectory_table
 
 
 def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
@@ -83,14 +86,17 @@ def test_the_disparity_picture_is_black_exactly_where_nothing_is_known(tmp_path)
 def test_what_a_scan_measured_before_it_was_cut_off_lies_beside_the_earlier_results_until_the_next_good_scan(tmp_path):
     with writing.staged(tmp_path) as folder:
         (folder / "metrics.json").write_text("first")
-    table = pl.DataFrame({"t": [0.0, 0.002, 0.004], "s": [np.nan, 0.010, 0.012]})
-    folder = writing.write_aborted(tmp_path, table, SafetyError("contact force 10.2 N is above the limit", 10.2))
+    trajectory_table(np.random.default_rng(0)).write_parquet(tmp_path / "log.parquet")
+    whole = Trajectory.load(tmp_path / "log.parquet")
+    trajectory = replace(whole, s=np.where(whole.s > 0.012, np.nan, whole.s))
+    folder = writing.write_aborted(tmp_path, trajectory, SafetyError("contact force 10.2 N is above the limit", 10.2))
     told = json.loads((folder / "abort.json").read_text())
     assert (tmp_path / "metrics.json").read_text() == "first"
-    assert pl.read_parquet(folder / "trajectory.parquet").equals(table)
+    for name, values in vars(Trajectory.load(folder / "trajectory.parquet")).items():
+        np.testing.assert_array_equal(values, getattr(trajectory, name))
     assert told["error"] == "SafetyError"
     assert told["message"] == "contact force 10.2 N is above the limit"
-    assert told["path_reached_m"] == 0.012
+    assert told["path_reached_m"] == np.nanmax(trajectory.s)
     with writing.staged(tmp_path):
         pass
     assert not folder.exists()

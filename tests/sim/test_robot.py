@@ -6,8 +6,8 @@ import pytest
 from breastscan.errors import RobotError
 from breastscan.geometry import kinematics, se3
 from breastscan.robot.payload import Payload, identify
+from breastscan.robot.ur.ur5e import SPEED_LIMIT
 from sim.arm.deviations import ArmConfig
-from sim.arm.ur5e import SPEED_LIMIT
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
 from sim.tissue.soft import SoftTissue

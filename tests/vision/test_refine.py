@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from breastscan.cloud.segment import segment_breast
-from breastscan.errors import PerceptionError
+from breastscan.errors import ConfigError, PerceptionError
 from breastscan.vision.refine import RefineConfig, RefinedDisparity, refine
 from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig, disparity_map
@@ -176,11 +176,11 @@ def test_object_without_known_disparity_is_refused(mask):
 
 @pytest.mark.parametrize("wrong", [{"spacing_px": 1}, {"largest_sigma_px": 0.0}, {"jump_px": -1.0}])
 def test_settings_that_cannot_work_are_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises(ConfigError, match=next(iter(wrong)).replace("_", "-")):
         RefineConfig(**wrong)
 
 
 @pytest.mark.parametrize("wrong", [{"iterations": 0}, {"smoothing": 0.0}, {"doubtful": -1.0}])
 def test_fits_that_cannot_work_are_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises(ConfigError, match=next(iter(wrong)).replace("_", "-")):
         FitConfig(**wrong)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from breastscan.errors import PerceptionError
+from breastscan.errors import ConfigError, PerceptionError
 from breastscan.vision.matching.census import census
 from breastscan.vision.stereo import StereoConfig, disparity_map, disparity_range
 from experiments.depth_edges import edge_pair
@@ -223,5 +223,5 @@ def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():
     ],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
-    with pytest.raises(ValueError, match=str(next(reversed(wrong.values())))):
+    with pytest.raises(ConfigError, match=str(next(reversed(wrong.values())))):
         StereoConfig(**wrong)

@@ -3,12 +3,16 @@
 from enum import IntEnum
 
 from breastscan.errors import RobotError
-
-PROTECTIVE_BIT, SAFEGUARD_BIT, SYSTEM_EMERGENCY_BIT, ROBOT_EMERGENCY_BIT, EMERGENCY_BIT = 2, 4, 5, 6, 7
-"""Of `safety_status_bits` [UR-rtde-guide]."""
-VIOLATION_BIT, FAULT_BIT = 8, 9
-RUNNING = 2
-"""`runtime_state` of a controller whose program runs [UR-rtde-guide]."""
+from breastscan.robot.ur.ur5e import (
+    EMERGENCY_BIT,
+    FAULT_BIT,
+    PROTECTIVE_BIT,
+    ROBOT_EMERGENCY_BIT,
+    RUNNING,
+    SAFEGUARD_BIT,
+    SYSTEM_EMERGENCY_BIT,
+    VIOLATION_BIT,
+)
 
 
 class Fault(IntEnum):

@@ -6,20 +6,22 @@ dashboard, which software from version 10 on does not have.
 
 import socket
 import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
-from breastscan.errors import RobotError
+import numpy as np
 
-RTDE_PORT, DASHBOARD_PORT = 30004, 29999
-"""Fixed by the controller [UR-rtde-guide]."""
+from breastscan.errors import RobotError
+from breastscan.robot.ur.rtde_robot import RtdeRobot
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, MODEL, OLDEST_SOFTWARE, RTDE_PORT, WITHOUT_DASHBOARD
+
 ANSWER_TIME = 2.5
 """Longest wait for an answer [s]."""
-MODEL = "UR5"
-"""What a UR5e's dashboard calls itself; its software tells it from the older UR5."""
-OLDEST_SOFTWARE = 5
-"""First major version of the e-Series."""
-WITHOUT_DASHBOARD = 10
-"""First major version that has none."""
+FULL_SPEED = 0.999
+"""Where the speed slider counts as fully up."""
+PLAUSIBLE_FORCE = 3.0
+"""Most that a tared sensor may read with nothing touching [N]: the built-in one's precision is 3.5 N in all [UR5e]."""
 VERSION_REQUEST = struct.pack(">HB", 3, ord("v"))
 """RTDE message that asks for the controller's version [UR-rtde-guide]."""
 VERSION_REPLY = struct.Struct(">HB4I")
@@ -55,20 +57,50 @@ def examine(host: str) -> Controller:
         )
     if version[0] >= WITHOUT_DASHBOARD:
         return Controller(host=host, version=version, model="", serial="")
-    with _Dashboard(host) as dashboard:
+    with _dashboard(host) as ask:
         controller = Controller(
             host=host,
             version=version,
-            model=dashboard.ask("get robot model"),
-            serial=dashboard.ask("get serial number"),
+            model=ask("get robot model"),
+            serial=ask("get serial number"),
         )
         if controller.model.upper() not in (MODEL, f"{MODEL}E"):
             raise RobotError(
                 f"the robot at {host} is a {controller.model}, expected a UR5e: give another address with --robot",
                 controller.model,
             )
-        _require_ready(dashboard, host)
+        _require_ready(ask, host)
     return controller
+
+
+def require_full_speed(robot: RtdeRobot) -> None:
+    """Refuse an arm whose speed slider is not fully up.
+
+    Raises:
+        RobotError: It is not.
+    """
+    if robot.speed_fraction < FULL_SPEED:
+        raise RobotError(
+            f"the speed slider stands at {robot.speed_fraction:.0%}, expected 100 %, or the arm falls behind its path: "
+            "move it up on the pendant",
+            robot.speed_fraction,
+        )
+
+
+def require_plausible_sensor(robot: RtdeRobot) -> None:
+    """Tare, in the air, and see that the sensor then reads about nothing.
+
+    Raises:
+        RobotError: It does not.
+    """
+    robot.tare()
+    force = float(np.linalg.norm(robot.state().wrench_P[:3]))
+    if not force < PLAUSIBLE_FORCE:
+        raise RobotError(
+            f"the force sensor reads {force:.1f} N just after a tare, expected less than {PLAUSIBLE_FORCE:.1f} N: does "
+            "something touch the probe, or pull its cable?",
+            force,
+        )
 
 
 def software_version(host: str) -> tuple[int, int, int, int]:
@@ -90,43 +122,36 @@ def software_version(host: str) -> tuple[int, int, int, int]:
     return major, minor, bugfix, build
 
 
-def _require_ready(dashboard: "_Dashboard", host: str) -> None:
+def _require_ready(ask: Callable[[str], str], host: str) -> None:
     checks = (
         ("robotmode", "RUNNING", "power it on and release the brakes, on the pendant"),
         ("safetymode", "NORMAL", "clear the stop on the pendant, after looking why it came"),
         ("is in remote control", "TRUE", "remote control is off: switch it on, top right on the pendant"),
     )
     for question, expected, cure in checks:
-        answer = dashboard.ask(question)
+        answer = ask(question)
         if answer.rpartition(":")[2].strip().upper() != expected:
             raise RobotError(
                 f"the robot at {host} answers {answer!r} to {question!r}, expected {expected}: {cure}", answer
             )
 
 
-class _Dashboard:
-    """One line asked, one line answered."""
+@contextmanager
+def _dashboard(host: str) -> Iterator[Callable[[str], str]]:
+    """Asks one line, and gives the one that answers."""
+    with _connected(host, DASHBOARD_PORT, "dashboard server") as connection:
+        lines = connection.makefile("rw", encoding="utf-8", newline="\n")
+        lines.readline()  # it greets first
 
-    def __init__(self, host: str) -> None:
-        self._host = host
+        def ask(question: str) -> str:
+            try:
+                lines.write(question + "\n")
+                lines.flush()
+                return lines.readline().strip()
+            except OSError as error:
+                raise _no_controller(host, f"its dashboard is silent ({error})") from error
 
-    def __enter__(self) -> "_Dashboard":
-        self._connection = _connected(self._host, DASHBOARD_PORT, "dashboard server")
-        self._lines = self._connection.makefile("rw", encoding="utf-8", newline="\n")
-        self._lines.readline()  # it greets first
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._lines.close()
-        self._connection.close()
-
-    def ask(self, question: str) -> str:
-        try:
-            self._lines.write(question + "\n")
-            self._lines.flush()
-            return self._lines.readline().strip()
-        except OSError as error:
-            raise _no_controller(self._host, f"its dashboard is silent ({error})") from error
+        yield ask
 
 
 def _connected(host: str, port: int, service: str) -> socket.socket:

@@ -12,11 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from breastscan.robot.payload import Payload
+from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
 
-FREQUENCY = 500.0
-"""Of the RTDE stream of an e-Series controller [Hz]."""
-LOOKAHEAD_TIME = 0.03
-"""servoJ's lookahead_time [s]: the shortest, so the least lag."""
 GAIN = 2000.0
 """servoJ's gain: the highest."""
 STOP_DECELERATION = 2.0
@@ -65,8 +62,8 @@ class Link:
         from rtde_receive import RTDEReceiveInterface
 
         self._host = host
-        self._receive = RTDEReceiveInterface(host, FREQUENCY, list(VARIABLES))
-        self._control = RTDEControlInterface(host, FREQUENCY)
+        self._receive = RTDEReceiveInterface(host, 1 / PERIOD, list(VARIABLES))
+        self._control = RTDEControlInterface(host, 1 / PERIOD)
         self._outputs = None
 
     @property
@@ -97,7 +94,7 @@ class Link:
 
     def servo(self, q: np.ndarray) -> bool:
         """Send a joint target [rad]; False where the controller's program takes none."""
-        return self._control.servoJ(q.tolist(), 0.0, 0.0, 1 / FREQUENCY, LOOKAHEAD_TIME, GAIN)
+        return self._control.servoJ(q.tolist(), 0.0, 0.0, PERIOD, LOOKAHEAD_TIME, GAIN)
 
     def kick(self) -> bool:
         """Keep the watchdog quiet without a command."""
@@ -136,8 +133,8 @@ class Link:
     def _waited(self, call: Callable[..., bool], *arguments: object) -> bool:
         """Make a call that the library waits for, and wait until the program takes the next."""
         done, before, until = call(*arguments), self.time, time.monotonic() + READY_TIME
-        while self.time < before + READY_STATES / FREQUENCY and time.monotonic() < until:
-            time.sleep(0.25 / FREQUENCY)
+        while self.time < before + READY_STATES * PERIOD and time.monotonic() < until:
+            time.sleep(0.25 * PERIOD)
         return done
 
     def end_program(self) -> None:

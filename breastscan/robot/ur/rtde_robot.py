@@ -12,21 +12,20 @@ import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import RobotError
-from breastscan.geometry import calibration_file, se3
+from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults, targets
 from breastscan.robot.ur.faults import Fault
-from breastscan.robot.ur.rtde import FREQUENCY, LOOKAHEAD_TIME
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
+from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
 from breastscan.robot.ur.worker import TARGET, LinkLimits, WorkerSetup, serve
 
 TRANSPORT = 0.004
@@ -58,8 +57,6 @@ SETTLE_TIME = 1.0
 """Longest wait for a motion to arrive [s]."""
 TARE_TIME = 0.2
 """Time over which `tare` averages the sensor's noise [s]."""
-FULL_SPEED = 0.999
-"""Where the speed slider counts as fully up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,15 +73,14 @@ class RtdeConfig:
     """When the arm is no longer driven."""
     real_time: bool = True
     """Whether to ask the system for real-time priority."""
-    calibration: Path | None = None
-    """File of the arm's own kinematics (`geometry.calibration_file`); None goes by the drawing, which may be off by
-    millimetres."""
+    kinematics: KinematicCalibration = field(default_factory=KinematicCalibration.nominal)
+    """The arm's own, or those of the drawing, which may be off by millimetres."""
 
 
 class RtdeRobot:
     """Implements `breastscan.robot.interface.Robot` over RTDE."""
 
-    period = 1 / FREQUENCY
+    period = PERIOD
     """Control period [s]."""
     servo_lag = TRANSPORT + LOOKAHEAD_TIME
     """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's law imply."""
@@ -94,27 +90,15 @@ class RtdeRobot:
 
         Raises:
             RobotError: The controller is not there, or refuses.
-            CalibrationError: The calibration's file cannot be used.
         """
         self._config = config
         self.X_FP = config.X_FP
         """Pose of the probe tip in the flange."""
-        file = config.calibration
-        self.calibration = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
-        """The arm's kinematics from the file of the configuration, else the nominal ones."""
+        self.calibration = config.kinematics
+        """The arm's kinematics, as configured."""
         self._zero_P = np.zeros(6)
         self._context = multiprocessing.get_context("spawn")
         self._connect()
-
-    @property
-    def fault_time(self) -> float:
-        """When the present fault was seen, or the latest state came, on the controller's clock [s]."""
-        return self._shared.read().failed
-
-    @property
-    def worker_id(self) -> int | None:
-        """Process id of the worker."""
-        return self._process.pid
 
     def state(self) -> RobotState:
         """The latest sample. Does not wait.
@@ -223,7 +207,7 @@ class RtdeRobot:
         self._requests, answers = self._context.Pipe()
         setup = WorkerSetup(
             host=self._config.host,
-            tip_F=_tip_F(self.X_FP),
+            tip_F=se3.pose_vector(self.X_FP).tolist(),
             payload=self._config.payload,
             limits=self._config.limits,
             real_time=self._config.real_time,
@@ -351,11 +335,6 @@ class RtdeRobot:
         R_PB = (self.calibration.forward(state.q)[:3, :3] @ self.X_FP[:3, :3]).T
         wrench_P = np.concatenate([R_PB @ state.force_B[:3], R_PB @ state.force_B[3:]]) - self._zero_P
         return RobotState(time=state.time, q=state.q, qd=state.qd, wrench_P=wrench_P, sample=state.sample)
-
-
-def _tip_F(X_FP: Float[np.ndarray, "4 4"]) -> list[float]:
-    """A pose as the controller takes it: position and rotation vector."""
-    return [*X_FP[:3, 3].tolist(), *se3.rotation_vector(X_FP).tolist()]
 
 
 REASONS = (

@@ -4,11 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import RobotError
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
 
-ANGLE_LIMIT = np.deg2rad(360.0)
-"""Of every joint of a UR5e, either way [rad] [UR-limits]."""
-SPEED_LIMIT = np.deg2rad(180.0)
-"""Of every joint [rad/s] [UR-limits]."""
 SPEED_TOLERANCE = 1.05
 """Share of the speed limit above which a servo target counts as a jump."""
 

@@ -27,8 +27,9 @@ from breastscan.errors import ConfigError
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults
 from breastscan.robot.ur.faults import PASSING, Fault
-from breastscan.robot.ur.rtde import FREQUENCY, Link, Reading
+from breastscan.robot.ur.rtde import Link, Reading
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
+from breastscan.robot.ur.ur5e import PERIOD
 
 TARGET = struct.Struct("q6d")
 """A message of the parent: the target's number, and the target [rad]."""
@@ -40,8 +41,6 @@ GONE_TIME = 0.5
 """Wall time without a state after a package, beyond which the controller counts as gone [s]."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""
-PERIOD = 1 / FREQUENCY
-"""Of the controller [s]."""
 LATENESS = 0.02
 """Time for which a moving arm's last target is repeated, on a quiet machine [s]: ten periods, in
 which a probe at 25 mm/s goes .5 mm."""

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Shaped
 from scipy.ndimage import spline_filter1d
 
+from breastscan.checks import require_positive
 from breastscan.vision.matching.lanes import kernel
 from breastscan.vision.refining.banded import factorized, solved
 from breastscan.vision.refining.spline_field import Region, SplineField
@@ -39,11 +40,7 @@ class FitConfig:
     """A step smaller than this, RMS over the object, ends the iteration [px]."""
 
     def __post_init__(self) -> None:
-        for name in ("smoothing", "doubtful", "converged_px"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-        if self.iterations < 1:
-            raise ValueError(f"iterations must be 1 or more, got {self.iterations}")
+        require_positive(self, "refine.fit")
 
 
 @dataclass(frozen=True, kw_only=True)

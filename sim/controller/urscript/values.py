@@ -45,7 +45,7 @@ class Pose(tuple):
     @staticmethod
     def of(X: Float[np.ndarray, "4 4"]) -> "Pose":
         """That of a transform."""
-        return Pose([*X[:3, 3].tolist(), *se3.rotation_vector(X).tolist()])
+        return Pose(se3.pose_vector(X).tolist())
 
     @property
     def matrix(self) -> Float[np.ndarray, "4 4"]:

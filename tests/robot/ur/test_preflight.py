@@ -4,11 +4,14 @@ import socketserver
 import struct
 import threading
 from contextlib import ExitStack, contextmanager
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from breastscan.errors import RobotError
 from breastscan.robot.ur import preflight
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
 
 HOST = "127.0.0.41"
 READY = {
@@ -54,9 +57,9 @@ def controller(version=(5, 22, 0, 0), reply=None, dashboard=True, **answers):
             told.write((READY | answers)[line.decode().strip()].encode() + b"\n")
 
     with ExitStack() as stack:
-        stack.enter_context(listening(preflight.RTDE_PORT, rtde))
+        stack.enter_context(listening(RTDE_PORT, rtde))
         if dashboard:
-            stack.enter_context(listening(preflight.DASHBOARD_PORT, questions))
+            stack.enter_context(listening(DASHBOARD_PORT, questions))
         yield
 
 
@@ -108,3 +111,30 @@ def test_a_name_that_is_nobodys_is_told():
 def test_a_dashboard_that_is_closed_is_told():
     with controller(dashboard=False), pytest.raises(RobotError, match="dashboard server is allowed"):
         preflight.examine(HOST)
+
+
+class Standing:
+    """An arm that says where its slider stands and what its sensor reads after a tare."""
+
+    def __init__(self, speed_fraction=1.0, force=0.0):
+        self.speed_fraction, self.force, self.tared = speed_fraction, force, False
+
+    def tare(self):
+        self.tared = True
+
+    def state(self):
+        assert self.tared
+        return SimpleNamespace(wrench_P=np.array([0.0, self.force, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_a_slider_that_is_not_up_is_refused():
+    preflight.require_full_speed(Standing(1.0))
+    with pytest.raises(RobotError, match="80%"):
+        preflight.require_full_speed(Standing(0.8))
+
+
+@pytest.mark.parametrize("force", [3.1, float("nan")])
+def test_a_sensor_that_reads_something_in_the_air_is_refused(force):
+    preflight.require_plausible_sensor(Standing(force=2.9))
+    with pytest.raises(RobotError, match="force sensor reads"):
+        preflight.require_plausible_sensor(Standing(force=force))

@@ -48,8 +48,7 @@ def test_two_scans_in_lockstep_are_equal_to_the_last_bit_from_the_tare_on(scene)
             robot = connect(scene)
             log = execution.execute(robot, motion, CONFIG, SafetyLimits())
             robot.close()
-        states = [entry["state"] for entry in log.rows]
-        return np.array([[*state.q, *state.qd, *state.wrench_P] for state in states])
+        return np.array([[*sample.q, *sample.qd, *sample.wrench_P] for sample in log])
 
     first, second = scanned(0.0), scanned(1.0)
     np.testing.assert_array_equal(first, second)

@@ -17,7 +17,6 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.phases import Phase, PhaseConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError
-from breastscan.execution import MotionLog
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from sim.controller.faults import TwinControl
@@ -146,22 +145,22 @@ class Trap:
         return getattr(self._robot, name)
 
     def servo_joint(self, q):
-        if self.sprung is None and self._log.last_row > ON_THE_LOOP:
+        if self.sprung is None and execution.last_row(self._log) > ON_THE_LOOP:
             self.sprung = self._now
             self._spring()
         try:
             self._robot.servo_joint(q)
         except RobotError:
             if self.raised is None:
-                self.raised = self._robot.fault_time
+                self.raised = self._robot._shared.read().failed
             raise
 
 
 def pause_worker(twin, robot):
     """Swap the worker out for longer than the controller's watchdog waits."""
-    os.kill(robot.worker_id, signal.SIGSTOP)
+    os.kill(robot._process.pid, signal.SIGSTOP)
     pass_time(twin, 0.06)
-    os.kill(robot.worker_id, signal.SIGCONT)
+    os.kill(robot._process.pid, signal.SIGCONT)
 
 
 def ask_dashboard(*lines):
@@ -184,7 +183,7 @@ FAULTS = {
     "emergency stop": (lambda twin, robot: twin.do("emergency_stop"), Fault.EMERGENCY_STOP, DETECTED),
     "program not running": (lambda twin, robot: twin.do("script_error"), Fault.PROGRAM, DETECTED),
     "silence": (lambda twin, robot: twin.do("silence", seconds=3.0), Fault.SILENCE, SILENCE_DETECTED),
-    "worker died": (lambda twin, robot: os.kill(robot.worker_id, signal.SIGKILL), Fault.DIED, DETECTED),
+    "worker died": (lambda twin, robot: os.kill(robot._process.pid, signal.SIGKILL), Fault.DIED, DETECTED),
     "watchdog": (pause_worker, Fault.WATCHDOG, 0.06 + DETECTED),
 }
 
@@ -194,26 +193,26 @@ def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_w
     name, connected, twin, motion
 ):
     spring, fault, within = FAULTS[name]
-    log = MotionLog()
+    log = []
     trap = Trap(connected, log, lambda: spring(twin, connected), twin)
     recover(twin, connected)
-    connected.move_joint(motion.q_home, 0.6, 0.8)
+    connected.move_joint(motion.q_approach, 0.6, 0.8)
     twin.do("reset")
     with pytest.raises(RobotError, match=name) as caught:
         execution.execute(trap, motion, CONFIG, LIMITS, log=log)
     assert caught.value.value is fault or caught.value.value.value is fault
     assert trap.raised - trap.sprung < within
-    assert log.rows[-1]["state"].time > log.rows[0]["state"].time
-    assert log.last_row > ON_THE_LOOP
+    assert log[-1].time > log[0].time
+    assert execution.last_row(log) > ON_THE_LOOP
     pass_time(twin, PASSES_AFTER.get(fault, 0.3))
     status = twin.do("status")
     assert np.abs(status["qd"]).max() < STOPPED
     assert status["highest_force"] < HIGHEST_FORCE
 
     recover(twin, connected)
-    rest = execution.execute(connected, motion, CONFIG, LIMITS, start=log.last_row)
-    rows = [entry["row"] for entry in rest.rows if entry["phase"] is Phase.LOOP]
-    assert abs(rows[0] - log.last_row) < 5
+    rest = execution.execute(connected, motion, CONFIG, LIMITS, start=execution.last_row(log))
+    rows = [entry.row for entry in rest if entry.phase is Phase.LOOP]
+    assert abs(rows[0] - execution.last_row(log)) < 5
     assert rows[-1] > len(motion.q) - 5
     assert twin.do("status")["highest_force"] < HIGHEST_FORCE
 

@@ -5,6 +5,7 @@ import pytest
 
 from breastscan.errors import RobotError
 from breastscan.robot.ur import targets
+from breastscan.robot.ur.ur5e import SPEED_LIMIT
 
 PERIOD = 0.002
 
@@ -18,7 +19,7 @@ def test_angles_beyond_the_joints_are_refused(angle):
 
 
 def test_a_step_at_full_speed_passes_and_a_faster_one_is_refused():
-    full = targets.SPEED_LIMIT * PERIOD
+    full = SPEED_LIMIT * PERIOD
     targets.check_step(np.full(6, full), np.zeros(6), PERIOD)
     with pytest.raises(RobotError, match="move_joint first"):
         targets.check_step(np.full(6, 1.1 * full), np.zeros(6), PERIOD)

@@ -3,13 +3,14 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from breastscan.commands.calibrate_twin import ShotConfig, board_poses
-from breastscan.commands.handeye_twin import CLEARANCE, PoseConfig, joint_poses
 from breastscan.geometry import kinematics, se3
 from breastscan.vision.boards.board import Board, find_shot
 from breastscan.vision.boards.bundle import reprojection
 from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
 from sim.cameras.camera import SimStereoCamera
+from sim.cameras.held_board import CLEARANCE, PoseConfig, joint_poses
+from sim.cameras.shown_board import ShotConfig, board_poses
+from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import SceneConfig
 
@@ -43,7 +44,7 @@ def test_the_shots_are_in_view_tilted_and_spread(free):
 def test_the_arm_reaches_every_pose_without_touching_anything():
     scene, config = BoardScene(SceneConfig(), BOARD, held=True), PoseConfig()
     q = joint_poses(scene, BOARD, config, np.random.default_rng(0))
-    clearance = Clearance(scene)
+    clearance = Clearance(cell_of(scene))
     X_LBoard = se3.inverse(scene.X_BL) @ kinematics.forward(q) @ X_FBOARD
     assert len(q) == config.poses
     assert all(seen_by_both(scene.rig, X, BOARD) for X in X_LBoard)

@@ -1,9 +1,10 @@
+import dataclasses
+
 import cv2
-import numpy as np
 import pytest
 
 from breastscan.errors import ConfigError
-from sim.cameras.video import Footage, VideoConfig, render_still, render_video
+from sim.cameras.video import VideoConfig, render_still, render_video
 from sim.scene import HOME_Q
 from tests.sim.tissue.closed_form_tissue import SpringTissue
 
@@ -16,17 +17,15 @@ def tissue(quiet_scene):
 
 
 @pytest.fixture
-def footage():
-    time = np.arange(0, 0.6, 0.002)
-    return Footage(
-        time=time, q=np.tile(HOME_Q, (len(time), 1)), force=np.zeros(len(time)), phase=["approach"] * len(time)
-    )
+def went(run):
+    """A synthetic scan, as if it had taken .6 s."""
+    return dataclasses.replace(run.trajectory, t=run.trajectory.t * 0.6 / run.trajectory.elapsed[-1])
 
 
-def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissue, footage, tmp_path):
+def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissue, went, tmp_path):
     path = tmp_path / "scan.mp4"
     shares = []
-    render_video(quiet_scene, tissue, footage, path, SMALL, lambda share, _: shares.append(share))
+    render_video(quiet_scene, tissue, went, path, SMALL, lambda share, _: shares.append(share))
     film = cv2.VideoCapture(str(path))
     frames = []
     while (frame := film.read())[0]:
@@ -37,9 +36,9 @@ def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissu
     assert shares[-1] == pytest.approx(1)
 
 
-def test_a_film_that_cannot_be_written_is_refused(quiet_scene, tissue, footage, tmp_path):
+def test_a_film_that_cannot_be_written_is_refused(quiet_scene, tissue, went, tmp_path):
     with pytest.raises(ConfigError, match="folder that exists"):
-        render_video(quiet_scene, tissue, footage, tmp_path / "nowhere" / "scan.mp4", SMALL)
+        render_video(quiet_scene, tissue, went, tmp_path / "nowhere" / "scan.mp4", SMALL)
 
 
 def test_still_has_the_asked_size_and_is_well_exposed(quiet_scene, tissue):

@@ -14,11 +14,12 @@ import pytest
 
 import sim.controller
 from breastscan.errors import RobotError
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
 from sim.controller import clients
 from sim.controller.clients import LONGEST_LINE, NOT_READING, Client
 from sim.controller.faults import CONTROL_PORT, TwinControl
 from sim.controller.primary import HEAD
-from sim.controller.server import DASHBOARD_PORT, MOST_CLIENTS, RTDE_PORT, SCRIPT_PORTS
+from sim.controller.server import MOST_CLIENTS, SCRIPT_PORTS
 from tests.sim.controller.fuzz import fuzz
 from tests.sim.controller.served import address, served
 from tests.sim.controller.wire import Wire
@@ -181,7 +182,10 @@ def read(register):
     with closing(Wire(HOST)) as wire:
         wire.outputs(500, [f"output_int_register_{register}"])
         wire.ask(b"S")
-        return struct.unpack(">xi", wire.read()[1])[0]
+        kind, body = wire.read()
+        while kind == b"M":  # the error of an earlier program may be told in between
+            kind, body = wire.read()
+        return struct.unpack(">xi", body)[0]
 
 
 def test_the_error_of_a_program_is_told_with_its_line_to_all_who_listen(twin):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from breastscan.robot.ur.targets import ANGLE_LIMIT, SPEED_LIMIT
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
 from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import FASTEST, Controller

@@ -1,17 +1,16 @@
-import json
 import re
 
 import numpy as np
-import polars as pl
 import pytest
 
-from breastscan.commands import export
-from breastscan.geometry import kinematics, se3
+from breastscan.geometry import se3
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning import motion
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
+from breastscan.robot.ur import program as module
 
 X_FP = se3.from_rotation_vector(np.array([0.0, np.pi / 4, 0.0]), np.array([0.099, 0.0, 0.159]))
 NUMBERS = r"\[([^\]]*)\]"
@@ -27,12 +26,17 @@ def planned() -> Motion:
         points_B=np.array([0.5, 0.0, 0.1]) + 0.05 * outwards,
         normals_B=0.6 * outwards + np.array([0.0, 0.0, 0.8]),
     )
-    return motion.plan(path, X_FP, 0.002, FeedrateLimits(), JointPathConfig())
+    return motion.plan(path, X_FP, 0.002, FeedrateLimits(), JointPathConfig())[0]
 
 
 @pytest.fixture(scope="module")
-def program(planned) -> str:
-    return export.urscript(planned, X_FP)
+def q_retreat(planned) -> np.ndarray:
+    return planned.lifted(len(planned.q) - 1, X_FP, KinematicCalibration.nominal())
+
+
+@pytest.fixture(scope="module")
+def program(planned, q_retreat) -> str:
+    return module.urscript(planned.q, planned.qd, planned.q_approach, q_retreat, X_FP)
 
 
 def number_lists(line: str) -> list[np.ndarray]:
@@ -54,16 +58,16 @@ def interpreted(program: str) -> np.ndarray:
 
 
 def test_the_program_sends_the_planned_joint_angles_every_two_milliseconds(planned, program):
-    targets, t = interpreted(program), planned.feed.t
+    targets, t = interpreted(program), 0.002 * np.arange(len(planned.q))
     stretched = np.arange(1, len(targets) + 1) * t[-1] / len(targets)
-    planned_q = np.stack([np.interp(stretched, t, column) for column in planned.joints.q.T], axis=1)
+    planned_q = np.stack([np.interp(stretched, t, column) for column in planned.q.T], axis=1)
     np.testing.assert_allclose(targets, planned_q, atol=2e-6)
     assert len(targets) * 0.002 == pytest.approx(t[-1], rel=0.003)
 
 
 def test_the_programs_joint_speeds_have_no_jump_from_one_cubic_to_the_next(planned, program):
     acceleration = np.diff(interpreted(program), 2, axis=0) / 0.002**2
-    planned_acceleration = np.diff(planned.joints.q, 2, axis=0) / 0.002**2
+    planned_acceleration = np.diff(planned.q, 2, axis=0) / 0.002**2
     assert np.abs(acceleration).max() < 1.2 * np.abs(planned_acceleration).max() + 0.1
 
 
@@ -78,30 +82,17 @@ def test_every_block_of_the_program_is_closed_and_every_line_is_a_known_statemen
     assert program.isascii()
 
 
-def test_the_program_comes_from_the_approach_pose_and_leaves_along_the_normal(planned, program):
+def test_the_program_comes_from_the_approach_pose_and_leaves_along_the_normal(planned, q_retreat, program):
     statements = [line.strip() for line in program.splitlines()]
     (movej,) = [s for s in statements if s.startswith("movej(")]
     onto, off = [s for s in statements if s.startswith("movel(")]
     for statement, q in (
-        (movej, planned.joints.q_approach),
-        (onto, planned.joints.q[0]),
-        (off, planned.joints.q_retreat),
+        (movej, planned.q_approach),
+        (onto, planned.q[0]),
+        (off, q_retreat),
     ):
         np.testing.assert_allclose(number_lists(statement)[0], q, atol=1e-7)
     order = [statements.index(s) for s in (movej, onto, "stopj(2.0)", off)]
     assert order == sorted(order)
     (tcp,) = [s for s in statements if s.startswith("set_tcp(p")]
     np.testing.assert_allclose(number_lists(tcp)[0], [0.099, 0, 0.159, 0, np.pi / 4, 0], atol=1e-7)
-
-
-def test_tables_hold_time_joints_and_tool_poses_that_agree(tmp_path, planned):
-    export.write(tmp_path, planned, X_FP, kinematics.forward(planned.joints.q))
-    table = pl.read_csv(tmp_path / "trajectory.csv")
-    assert tuple(table.columns) == export.COLUMNS
-    values = table.to_numpy()
-    np.testing.assert_allclose(np.diff(values[:, 0]), 0.002, atol=1e-9)
-    X_BP = se3.from_rotation_vector(values[:, 10:13], values[:, 7:10])
-    np.testing.assert_allclose(X_BP, kinematics.forward(values[:, 1:7]) @ X_FP, atol=1e-8)
-    content = json.loads((tmp_path / "trajectory.json").read_text())
-    np.testing.assert_allclose(content["rows"], values, atol=1e-9)
-    np.testing.assert_allclose(content["q_approach_rad"], planned.joints.q_approach)

@@ -1,35 +1,30 @@
-"""How well does the calibration find the twin's own cameras, from pictures alone?
+"""A board shown to the twin's cameras as a careful operator would.
 
-A board is shown to the simulated cameras as a careful operator would: everywhere in both images, near, and tilted about
-changing axes. The pictures land on disk and are calibrated from there, like those of real cameras.
+It comes everywhere in both images, near, and tilted about changing axes: pictures to calibrate the cameras from.
 """
 
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.commands import calibrate, shots
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
-from breastscan.run import writing
 from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
-from sim.cameras.board import BoardScene, seen_by_both
+from sim.cameras.board import BoardScene, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.camera_errors import CameraConfig
-from sim.rig_errors import rig_errors
 from sim.scene import SceneConfig
 
 GRID_COLUMNS, GRID_ROWS = 6, 5
 """Places in the image that the board's middle visits in turn."""
 JITTER = 0.35
 """How far it may miss a place, in steps of the grid [-]."""
-GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-"""Successive multiples of this spread evenly over the circle [rad]."""
 TRIES = 1000
 """Poses drawn for one place until both cameras see the whole board ..."""
 INWARDS = 0.02
@@ -57,33 +52,22 @@ class ShotConfig:
             raise ConfigError(f"the number of shots must be positive, got {self.shots}", self.shots)
 
 
-def run(out: Path, *, seed: int, board: Board, config: ShotConfig) -> dict[str, object]:
-    """Render the shots into `out`, calibrate from them, and compare with the truth.
+class ShownBoard:
+    """The pictures of a board that floats from place to place, and the scene with the cameras that take them."""
 
-    Args:
-        out: Where shots and results go; earlier ones stay until these are complete.
-        seed: Of the board's poses and the cameras' noise.
-        board: The board.
-        config: How it is shown.
+    def __init__(self, board: Board, seed: int, config: ShotConfig | None = None) -> None:
+        """Draw the poses; `seed` is theirs and of the cameras' noise. Pictures are taken when asked for."""
+        config = config or ShotConfig()
+        camera = replace(config.camera, seed=seed)
+        self.scene = BoardScene(SceneConfig(camera=camera), board, held=False)
+        self._X_LBoard = board_poses(self.scene.rig, board, config, np.random.default_rng(seed))
 
-    Returns:
-        The metrics, as in `metrics.json`.
-    """
-    with writing.staged(out) as folder:
-        scene = BoardScene(SceneConfig(camera=replace(config.camera, seed=seed)), board, held=False)
-        render_shots(folder, scene, board_poses(scene.rig, board, config, np.random.default_rng(seed)))
-        calibration = calibrate.rig_from_shots(folder, folder, board)
-        metrics = calibrate.rig_metrics(calibration) | rig_errors(calibration.rig, scene.rig)
-        writing.write_json(folder / calibrate.METRICS_FILE, metrics)
-    return metrics
-
-
-def render_shots(folder: Path, scene: BoardScene, X_LBoard: Float[np.ndarray, "n 4 4"]) -> None:
-    """Write a pair of pictures of the board at each pose."""
-    with closing(SimStereoCamera(scene)) as camera:
-        for number, X in enumerate(X_LBoard):
-            scene.place_board(scene.X_BL @ X)
-            shots.write_shot(folder, f"{number:02d}", camera.capture())
+    def __iter__(self) -> Iterator[tuple[str, StereoPair]]:
+        """Name and pictures of each shot."""
+        with closing(SimStereoCamera(self.scene)) as camera:
+            for number, X in enumerate(self._X_LBoard):
+                self.scene.place_board(self.scene.X_BL @ X)
+                yield f"{number:02d}", camera.capture()
 
 
 def board_poses(
@@ -104,7 +88,8 @@ def _board_pose(
     for _ in range(TRIES):
         share = (place + 0.5 + rng.uniform(-JITTER, JITTER, 2)) / (GRID_COLUMNS, GRID_ROWS)
         ray_C = _ray(camera, share * (camera.width, camera.height))
-        X_LBoard = X_LC @ _facing(ray_C, rng.uniform(*config.distance)) @ _tilt(number, config, rng) @ _centred(board)
+        X_LM = X_LC @ _facing(ray_C, rng.uniform(*config.distance)) @ tilted(number, config.tilt_deg, rng)
+        X_LBoard = X_LM @ centred(board)
         if seen_by_both(rig, X_LBoard, board):
             return X_LBoard
         place = place + INWARDS * (middle - place)
@@ -123,16 +108,3 @@ def _facing(ray_C: Float[np.ndarray, "3"], distance: float) -> Float[np.ndarray,
     sine = np.linalg.norm(axis)
     turn = axis / max(sine, 1e-9) * np.arctan2(sine, ray_C[2])
     return se3.from_rotation_vector(turn, distance * ray_C)
-
-
-def _tilt(number: int, config: ShotConfig, rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
-    """A tilt about an axis that goes round from shot to shot, after a small turn about the line of sight."""
-    axis = number * GOLDEN_ANGLE
-    tilt = np.radians(rng.uniform(*config.tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
-    spin = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
-    return se3.from_rotation_vector(tilt, np.zeros(3)) @ se3.from_rotation_vector(spin, np.zeros(3))
-
-
-def _centred(board: Board) -> Float[np.ndarray, "4 4"]:
-    """The board in a frame at its middle."""
-    return se3.pose(np.eye(3), -board.centre)

@@ -8,7 +8,7 @@ import pytest
 
 from breastscan.errors import ConfigError
 from breastscan.run.columns import Trajectory
-from tests.report.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
+from tests.run.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
 
 
 def test_the_error_along_the_normal_is_the_indentation_and_deeper_is_negative(run):
@@ -47,7 +47,7 @@ def test_a_pressing_probe_has_a_positive_force(run):
 def test_time_counts_from_the_beginning_of_the_log(tmp_path):
     table = trajectory_table(np.random.default_rng(0)).with_columns(polars.col("t") + 86400.0)
     table.write_parquet(tmp_path / "log.parquet")
-    time = Trajectory.load(tmp_path / "log.parquet").t
+    time = Trajectory.load(tmp_path / "log.parquet").elapsed
     assert time[0] == 0.0
     assert time[1] == pytest.approx(PERIOD, abs=1e-9)
 
@@ -76,3 +76,24 @@ def test_a_column_of_the_wrong_width_is_refused(tmp_path):
     table.with_columns(q=table["t"]).write_parquet(tmp_path / "log.parquet")
     with pytest.raises(ConfigError, match="column q"):
         Trajectory.load(tmp_path / "log.parquet")
+
+
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_a_log_is_read_back_as_it_was_saved(tmp_path, with_truth):
+    trajectory_table(np.random.default_rng(0), with_truth=with_truth).write_parquet(tmp_path / "first.parquet")
+    first = Trajectory.load(tmp_path / "first.parquet")
+    first.save(tmp_path / "second.parquet")
+    first_table, second_table = (polars.read_parquet(tmp_path / f"{name}.parquet") for name in ("first", "second"))
+    assert first_table.columns == second_table.columns
+    for name, values in vars(Trajectory.load(tmp_path / "second.parquet")).items():
+        np.testing.assert_array_equal(values, getattr(first, name))
+
+
+def test_a_loop_between_its_samples_is_linear_and_at_them_itself(run):
+    loop = run.trajectory.take(np.flatnonzero(run.trajectory.in_loop))
+    np.testing.assert_allclose(loop.between(loop.s).X_BP, loop.X_BP, atol=1e-12)
+    half_way = (loop.s[:-1] + loop.s[1:]) / 2
+    between = loop.between(half_way)
+    np.testing.assert_allclose(between.q, (loop.q[:-1] + loop.q[1:]) / 2, atol=1e-12)
+    np.testing.assert_allclose(between.s, half_way)
+    assert set(between.phase) == {"loop"}

@@ -1,32 +1,27 @@
-"""How well is the cameras' place in the robot's base found, with an arm that is not exact and an estimated rig?
+"""A board that the twin's arm shows to the twin's cameras from all sides: pictures for a hand-eye calibration.
 
-The simulated arm shows the board it holds to the simulated cameras from all sides; what it states of its poses is
-disturbed as a real arm's repeatability would. Pictures and poses land on disk and are calibrated from there.
+What the arm states of its poses is disturbed as a real arm's repeatability would.
 """
 
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.commands import calibrate, shots
+from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
-from breastscan.run import writing
 from breastscan.vision.boards.board import Board
-from breastscan.vision.camera import StereoRig
-from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
+from sim.cameras.board import X_FBOARD, BoardScene, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.camera_errors import CameraConfig
-from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
+from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import HOME_Q, SceneConfig
 
-GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-"""Successive multiples of this spread evenly over the circle [rad]."""
 TRIES = 200
 """Places drawn for one tilt until the arm reaches it freely and both cameras see the board."""
 CLEARANCE = 0.02
@@ -65,48 +60,32 @@ class PoseConfig:
             raise ConfigError("position_noise and rotation_noise_deg must not be negative", self)
 
 
-def run(out: Path, *, rig: StereoRig, seed: int, board: Board, config: PoseConfig) -> dict[str, object]:
-    """Show the board, calibrate from what landed in `out`, and compare with the truth.
+class HeldBoard:
+    """The pictures of a board that the arm holds, what it states of its flange at each, and the scene of them."""
 
-    Args:
-        out: Where shots, poses and results go; earlier ones stay until these are complete.
-        rig: The cameras as calibrated; what their pictures are made with stays the scene's own.
-        seed: Of the poses, the arm's errors and the cameras' noise.
-        board: The board.
-        config: Where it is shown.
+    def __init__(self, board: Board, seed: int, config: PoseConfig | None = None) -> None:
+        """Draw the poses; `seed` is theirs, of the arm's errors and of the cameras' noise."""
+        self._config = config or PoseConfig()
+        self._rng = np.random.default_rng(seed)
+        camera = replace(self._config.camera, seed=seed)
+        self.scene = BoardScene(SceneConfig(camera=camera), board, held=True)
+        self._q = joint_poses(self.scene, board, self._config, self._rng)
 
-    Returns:
-        The metrics, as in `metrics.json`.
-    """
-    with writing.staged(out) as folder:
-        rng = np.random.default_rng(seed)
-        scene = BoardScene(SceneConfig(camera=replace(config.camera, seed=seed)), board, held=True)
-        take_shots(folder, scene, joint_poses(scene, board, config, rng), config, rng)
-        result = calibrate.hand_eye_from_shots(folder, folder, rig, board)
-        metrics = calibrate.hand_eye_metrics(result) | rig_errors(result.rig, scene.rig)
-        writing.write_json(folder / calibrate.METRICS_FILE, metrics)
-    return metrics
-
-
-def take_shots(
-    folder: Path, scene: BoardScene, q: Float[np.ndarray, "n 6"], config: PoseConfig, rng: np.random.Generator
-) -> None:
-    """Drive the arm from pose to pose; write a pair of pictures at each, and what the arm states of its flange."""
-    robot, stated = SimRobot(scene), {}
-    with closing(SimStereoCamera(scene, robot)) as camera:
-        for number, target in enumerate(q):
-            robot.move_joint(target, JOINT_SPEED, JOINT_ACCELERATION)
-            name = f"{number:02d}"
-            shots.write_shot(folder, name, camera.capture())
-            stated[name] = _disturbed(kinematics.forward(robot.state().q), config, rng)
-    shots.write_poses(folder, stated)
+    def __iter__(self) -> Iterator[tuple[str, StereoPair, Float[np.ndarray, "4 4"]]]:
+        """Name, pictures and stated `X_BF` of each pose, to which the arm drives."""
+        robot = SimRobot(self.scene)
+        with closing(SimStereoCamera(self.scene, robot)) as camera:
+            for number, target in enumerate(self._q):
+                robot.move_joint(target, JOINT_SPEED, JOINT_ACCELERATION)
+                pair = camera.capture()
+                yield f"{number:02d}", pair, _disturbed(kinematics.forward(robot.state().q), self._config, self._rng)
 
 
 def joint_poses(
     scene: BoardScene, board: Board, config: PoseConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 6"]:
     """Joint angles [rad] that show the whole board to both cameras, tilted about ever new axes, near one another."""
-    clearance, poses = Clearance(scene), [HOME_Q]
+    clearance, poses = Clearance(cell_of(scene)), [HOME_Q]
     for number in range(config.poses):
         poses.append(_joint_pose(scene, clearance, board, config, number, poses[-1], rng))
     return np.array(poses[1:])
@@ -121,13 +100,10 @@ def _joint_pose(
     q_before: Float[np.ndarray, "6"],
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "6"]:
-    axis = number * GOLDEN_ANGLE
     for _ in range(TRIES):
-        tilt = np.radians(rng.uniform(*config.tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
-        spin = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
+        turn = tilted(number, config.tilt_deg, rng)
         place = se3.pose(np.eye(3), np.array(config.place) + rng.uniform(-1, 1, 3) * config.reach)
-        turn = se3.from_rotation_vector(tilt, np.zeros(3)) @ se3.from_rotation_vector(spin, np.zeros(3))
-        X_BBoard = place @ FACE_UP @ turn @ se3.pose(np.eye(3), -board.centre)
+        X_BBoard = place @ FACE_UP @ turn @ centred(board)
         if not seen_by_both(scene.rig, se3.inverse(scene.X_BL) @ X_BBoard, board):
             continue
         reachable = kinematics.inverse(X_BBoard @ se3.inverse(X_FBOARD))

@@ -1,0 +1,113 @@
+"""`breastscan handeye`: from pictures of a board on the flange to the cameras' place in the robot's base.
+
+The twin shows how well that is found with an arm that is not exact and an estimated rig: its pictures and stated poses
+land on disk and are calibrated from there.
+"""
+
+from collections.abc import Container
+from pathlib import Path
+
+import numpy as np
+import tyro
+from matplotlib.figure import Figure
+
+from breastscan.commands import shots as files
+from breastscan.commands.console import Out, Seed, twin_imports
+from breastscan.errors import CalibrationError
+from breastscan.geometry import se3
+from breastscan.report import calibration_figures as draw
+from breastscan.run.writing import staged
+from breastscan.vision.boards.board import Board
+from breastscan.vision.camera import StereoRig
+from breastscan.vision.hand_eye import HandEye, hand_eye
+
+SHOWN_POSES = 4
+"""Poses that are pictured."""
+
+
+def handeye(
+    shots: tyro.conf.Positional[Path | None] = None,
+    /,
+    *,
+    rig: Path,
+    twin: bool = False,
+    out: Out = Path("out/handeye"),
+    seed: Seed = 0,
+    board: Board = Board(),  # noqa: B008 (frozen)
+) -> None:
+    """Find where calibrated cameras stand in the robot's base, from shots of a chessboard that the flange holds.
+
+    Args:
+        shots: Folder of NAME_left.png, NAME_right.png and poses.csv (name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad).
+        rig: The rig file of the cameras, from `calibrate`.
+        twin: Whether to take the shots with the twin instead, and compare with the truth.
+        out: Folder for rig.yaml, residuals.csv, metrics.json and figures.
+        seed: Seed of the twin's poses and errors.
+        board: The board.
+
+    Raises:
+        CalibrationError: Rig, shots or poses are missing, do not belong together, or do not determine the place.
+        PerceptionError: A picture cannot be read.
+        ConfigError: There is not one source of shots, or `out` cannot be written.
+    """
+    files.need_one_source(shots, twin)
+    cameras, held = StereoRig.load(rig), None
+    with staged(out) as folder:
+        if shots is None:
+            with twin_imports():
+                from sim.cameras.held_board import HeldBoard
+            held = HeldBoard(board, seed)
+        stated = {}
+        for name, pair, X_BF in held or ():
+            files.write_shot(folder, name, pair)
+            stated[name] = X_BF
+        if stated:
+            files.write_poses(folder, stated)
+        source = shots or folder
+        stated, found = files.read_poses(source), files.read_shots(source, board)
+        _need_fitting(source, found, stated, cameras)
+        X_BF = np.stack([stated[shot.name] for shot in found.shots])
+        result = hand_eye(found.shots, X_BF, cameras, board)
+        metrics = _metrics(result) | (held.scene.errors_of(result.rig) if held else {})
+        files.write_results(folder, found, result, _figures(source, result, board), metrics)
+    files.tell_results(out, metrics)
+
+
+def _need_fitting(folder: Path, found: files.ShotFolder, stated: Container[str], rig: StereoRig) -> None:
+    """Pass when the shots are of the rig's size, and each has its pose."""
+    if found.size != (rig.left.width, rig.left.height):
+        raise CalibrationError(
+            f"the shots in {folder} are {found.size[0]}x{found.size[1]} px, the rig was calibrated for "
+            f"{rig.left.width}x{rig.left.height} px: use the rig file of this camera setting",
+            found.size,
+        )
+    without_pose = [shot.name for shot in found.shots if shot.name not in stated]
+    if without_pose:
+        raise CalibrationError(
+            f"{folder / files.POSES_FILE} has no row for {', '.join(without_pose)}: add it or remove the pictures",
+            without_pose,
+        )
+
+
+def _metrics(result: HandEye) -> dict[str, object]:
+    """What a hand-eye calibration says of itself."""
+    distance, angle = result.disagreement
+    return {
+        "handeye_reprojection_px": result.reprojection_px,
+        "handeye_disagreement_mm": distance * 1e3,
+        "handeye_disagreement_deg": float(np.degrees(angle)),
+        "handeye_tilt_spread_deg": float(np.degrees(result.tilt_spread)),
+        "handeye_shots": len(result.shots),
+    }
+
+
+def _figures(folder: Path, result: HandEye, board: Board) -> dict[str, Figure]:
+    assert result.rig.X_BL is not None
+    cameras = (result.rig.X_BL, result.rig.X_BL @ se3.inverse(result.rig.X_RL))
+    some = result.shots[:: max(len(result.shots) // SHOWN_POSES, 1)][:SHOWN_POSES]
+    pictures = [files.read_pair(folder, shot.name).left for shot in some]
+    return {
+        "poses": draw.corners(pictures, [shot.left for shot in some], [f"Pose {shot.name}" for shot in some]),
+        "residuals": draw.residual_bars([shot.name for shot in result.shots], result.residuals_px),
+        "frames": draw.hand_eye_frames(result.X_BF, result.X_FBoard, cameras, board.points),
+    }

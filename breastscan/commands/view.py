@@ -1,0 +1,75 @@
+"""`breastscan view`: the twin's scan, watched as it happens."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from jaxtyping import Float
+
+from breastscan.commands.console import Out, Seed, console, progress_bars
+from breastscan.commands.results import keep_aborted, summarise, write_report
+from breastscan.run.writing import staged, write_settings
+from breastscan.scan import ScanConfig, ScanPlan, Stages
+from breastscan.vision.camera import StereoRig
+from sim.live.launch import LiveConfig, require_viewer
+from sim.live.view import LiveView
+from sim.measured_scan import build_world, measured_scan
+from sim.scene import SceneConfig
+
+SHOWN = ("surface_rmse_mm", "executed_truth_rms_mm", "force_rmse_n", "force_peak_n")
+"""Metrics that the panel shows at the end."""
+LOOP_POINTS = 150
+"""Points of the path that are shown."""
+
+
+def view(
+    out: Out = Path("out/view"),
+    seed: Seed = 0,
+    rig: Path | None = None,
+    live: Annotated[LiveConfig, tyro.conf.arg(name="")] = LiveConfig(),  # noqa: B008 (frozen)
+    plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
+    scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
+) -> None:
+    """Scan the phantom with the twin before your eyes, in a window or, with --web, in a browser.
+
+    Args:
+        out: Folder for the results, as of `scan`.
+        seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
+        rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
+        live: Where it is watched.
+        plan: Every setting of the pipeline.
+        scene: Every setting of the simulated world.
+
+    Raises:
+        ConfigError: No viewer can be opened, or a file or folder cannot be used.
+        CalibrationError: The rig's file is none, or has no place in the robot's base.
+        BreastScanError: What else ends a scan.
+        KeyboardInterrupt: The user closed the viewer or pressed Ctrl-C before the scan was complete.
+    """
+    require_viewer(live)
+    estimated = None if rig is None else StereoRig.load(rig)
+    scene = scene.seeded(seed)
+    with progress_bars() as listener:
+        world, tissue = build_world(scene, Stages(listener))
+    with LiveView(world, live, plan.contact.force) as viewer:
+        with staged(out) as folder:
+            stages = Stages(viewer.stage)
+            result, metrics = measured_scan(
+                world, tissue, plan, stages, estimated,
+                viewer.follow, lambda planned: viewer.planned(_loop(planned)), keep_aborted(out),
+            )  # fmt: skip
+            result.save(folder)
+            write_settings(folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene})
+            write_report(folder, metrics, stages)
+        summarise(out, metrics)
+        console.print("Close the viewer or press Ctrl-C to end.")
+        with suppress(KeyboardInterrupt):
+            viewer.linger(tuple((name, f"{metrics[name]:.3f}") for name in SHOWN if name in metrics))
+
+
+def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:
+    """Some of the path's points in B [m]."""
+    points_B = planned.feed.positions
+    return points_B[:: max(len(points_B) // LOOP_POINTS, 1)]

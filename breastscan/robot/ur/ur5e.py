@@ -1,0 +1,26 @@
+"""What the maker states of a UR5e and its controller, in one place."""
+
+import numpy as np
+
+PERIOD = 0.002
+"""Of control and of the RTDE stream of an e-Series controller [s] [UR-rtde-guide]."""
+ANGLE_LIMIT = np.deg2rad(360.0)
+"""Of every joint, either way [rad] [UR-limits]."""
+SPEED_LIMIT = np.deg2rad(180.0)
+"""Of every joint [rad/s] [UR-limits]."""
+LOOKAHEAD_TIME = 0.03
+"""servoj's lookahead_time [s]: the shortest, so the least lag."""
+RTDE_PORT, DASHBOARD_PORT = 30004, 29999
+"""Fixed by the controller [UR-rtde-guide]."""
+MODEL = "UR5"
+"""What a UR5e's dashboard calls itself; its software tells it from the older UR5."""
+OLDEST_SOFTWARE = 5
+"""First major version of the e-Series."""
+WITHOUT_DASHBOARD = 10
+"""First major version that has no dashboard server."""
+RUNNING = 2
+"""`runtime_state` of a controller whose program runs [UR-rtde-guide]."""
+PROTECTIVE_BIT, SAFEGUARD_BIT, SYSTEM_EMERGENCY_BIT, ROBOT_EMERGENCY_BIT, EMERGENCY_BIT = 2, 4, 5, 6, 7
+"""Of `safety_status_bits` [UR-rtde-guide]."""
+VIOLATION_BIT, FAULT_BIT = 8, 9
+"""The others of them that end a motion."""
