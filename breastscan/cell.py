@@ -1,7 +1,8 @@
-"""The cell of a robot: what it carries, what looks on, and what stands around, as one file holds it.
+"""The cell of a robot: what it carries, what looks on, and what stands around, as one file holds
+it.
 
-A scan is the same program with another cell. The twin makes its own from its scene; a robot's is a file, `cell.json`,
-that a scan leaves in its run folder and that may be edited.
+A scan is the same program with another cell. The twin makes its own from its scene; a robot's is a
+file, `cell.json`, that a scan leaves in its run folder and that may be edited.
 """
 
 import dataclasses
@@ -36,7 +37,8 @@ class Shape:
     name: str
     kind: Literal["sphere", "capsule", "cylinder", "box"]
     size: tuple[float, ...]
-    """Of a sphere its radius, of capsule and cylinder radius and half length along z, of a box its half lengths [m]."""
+    """Of a sphere its radius, of capsule and cylinder radius and half length along z, of a box its
+    half lengths [m]."""
     X: Float[np.ndarray, "4 4"]
     """Where it lies: in F if the arm carries it, else in B [m]."""
 
@@ -65,23 +67,31 @@ class Cell:
     chest: Shape | None = None
     """What lies under the breast, where that is known; a scan finds it with its cameras."""
     kinematics: KinematicCalibration = field(default_factory=KinematicCalibration.nominal)
-    """The arm's own kinematics as its maker measured them; the nominal ones may be off by millimetres."""
+    """The arm's own kinematics as its maker measured them; the nominal ones may be off by
+    millimetres."""
     link: LinkLimits = field(default_factory=LinkLimits)
     """How late robot and program may be for each other."""
 
     def __post_init__(self) -> None:
         if not self.payload.mass > 0:
-            raise ConfigError(f"the payload's mass must be positive, got {self.payload.mass} kg", self.payload)
-        names = [shape.name for shape in (*self.tool, *self.room, *([self.chest] if self.chest else []))]
+            raise ConfigError(
+                f"the payload's mass must be positive, got {self.payload.mass} kg", self.payload
+            )
+        names = [
+            shape.name for shape in (*self.tool, *self.room, *([self.chest] if self.chest else []))
+        ]
         if len(set(names)) < len(names) or any("/" in name for name in names):
-            raise ConfigError(f"hulls need names of their own, without '/', got {', '.join(names)}", names)
+            raise ConfigError(
+                f"hulls need names of their own, without '/', got {', '.join(names)}", names
+            )
         _require_rigid(self.X_FP, "X_FP")
         _require_rigid(self.rig.X_RL, "X_RL of the rig")
         if self.rig.baseline < SHORTEST_BASELINE:
             raise CalibrationError("the rig's baseline is below 1 mm", self.rig.baseline)
         if self.rig.X_BL is None:
             raise CalibrationError(
-                "the rig has no X_BL, so the points have no place in the robot's frame: run `breastscan handeye` first"
+                "the rig has no X_BL, so the points have no place in the robot's frame: run "
+                "`breastscan handeye` first"
             )
         _require_rigid(self.rig.X_BL, "X_BL of the rig")
 
@@ -115,7 +125,9 @@ def _read(kind: Any, content: Any, where: str) -> Any:
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return kind(**_fields(kind, content, where))
     if get_origin(kind) is tuple and isinstance(content, list):
-        return tuple(_read(get_args(kind)[0], one, f"{where}[{k}]") for k, one in enumerate(content))
+        return tuple(
+            _read(get_args(kind)[0], one, f"{where}[{k}]") for k, one in enumerate(content)
+        )
     if get_origin(kind) is Literal and content in get_args(kind):
         return content
     if kind is float and type(content) in (float, int) and math.isfinite(content):
@@ -128,14 +140,18 @@ def _read(kind: Any, content: Any, where: str) -> Any:
             if isinstance(values, kind) and np.isfinite(values).all():
                 return values
     expected = getattr(kind, "dim_str", None)
-    expected = f"numbers of the shape ({expected})" if expected else str(getattr(kind, "__name__", kind))
+    expected = (
+        f"numbers of the shape ({expected})" if expected else str(getattr(kind, "__name__", kind))
+    )
     raise ConfigError(f"{where} should be {expected}, got {str(content)[:60]!r}", content)
 
 
 def _fields(kind: Any, content: Any, where: str) -> dict[str, Any]:
     names = {f.name for f in dataclasses.fields(kind)}
     if not isinstance(content, dict) or set(content) != names:
-        raise ConfigError(f"{where} should hold {', '.join(sorted(names))}, and nothing else", content)
+        raise ConfigError(
+            f"{where} should hold {', '.join(sorted(names))}, and nothing else", content
+        )
     hints = get_type_hints(kind)
     return {name: _read(hints[name], content[name], f"{where}: {name}") for name in names}
 

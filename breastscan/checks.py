@@ -7,7 +7,8 @@ from breastscan.errors import ConfigError
 
 
 def require_positive(config: object, name: str, *, but: tuple[str, ...] = ()) -> None:
-    """Accept a frozen config whose numbers are all finite and positive, those of configs inside it as well.
+    """Accept a frozen config whose numbers are all finite and positive, those of configs inside it
+    as well.
 
     Args:
         config: The config; fields that are no numbers are left alone.
@@ -23,5 +24,9 @@ def require_positive(config: object, name: str, *, but: tuple[str, ...] = ()) ->
             continue
         if dataclasses.is_dataclass(value):
             require_positive(value, option)
-        elif isinstance(value, float | int) and not isinstance(value, bool) and not 0 < value < math.inf:
+        elif (
+            isinstance(value, float | int)
+            and not isinstance(value, bool)
+            and not 0 < value < math.inf
+        ):
             raise ConfigError(f"{option} must be a positive number, got {value}", value)

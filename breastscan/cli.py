@@ -24,14 +24,21 @@ COMMANDS = {
     "twin": "the twin as a UR controller on the network, for any client of one",
     "doctor": "what works on this machine, and how to mend what does not",
 }
-"""A line of help for each; `breastscan.commands` has a module of its name, and that a function of its name."""
+"""A line of help for each; `breastscan.commands` has a module of its name, and that a function of
+its name."""
 
 
 def usage() -> str:
     """The overview that `breastscan --help` prints."""
     lines = [f"  {name:<12} {summary}" for name, summary in COMMANDS.items()]
     return "\n".join(
-        ["usage: breastscan COMMAND [OPTIONS]", "", *lines, "", "breastscan COMMAND --help lists a command's options."]
+        [
+            "usage: breastscan COMMAND [OPTIONS]",
+            "",
+            *lines,
+            "",
+            "breastscan COMMAND --help lists a command's options.",
+        ]
     )
 
 
@@ -45,7 +52,9 @@ def main(arguments: list[str] | None = None) -> None:
     errors = Console(stderr=True)
     try:
         if name not in COMMANDS:
-            raise ConfigError(f"there is no command {name!r}: use one of {', '.join(COMMANDS)}", name)
+            raise ConfigError(
+                f"there is no command {name!r}: use one of {', '.join(COMMANDS)}", name
+            )
         with twin_imports():
             module = import_module(f"breastscan.commands.{name}")
         tyro.cli(getattr(module, name), args=rest, prog=f"breastscan {name}")

@@ -1,9 +1,11 @@
-"""Execution: the phases of a scan on a robot, under force control and supervision [Zhang, Sec. V-B.2, Fig. 23].
+"""Execution: the phases of a scan on a robot, under force control and supervision [Zhang, Sec.
+V-B.2, Fig. 23].
 
-Every period the planned probe pose is shifted along its own axis by the depth that the force controller asks for
-(`control.contact`), and one Newton step of the inverse kinematics turns the shifted pose into joint targets, which the
-supervisor lets through (`control.safety`). The arm follows its targets late by a known time, so the plan is sent ahead
-by as much: the arm then is where the plan is. Whatever goes wrong ends in a retreat up the normal.
+Every period the planned probe pose is shifted along its own axis by the depth that the force
+controller asks for (`control.contact`), and one Newton step of the inverse kinematics turns the
+shifted pose into joint targets, which the supervisor lets through (`control.safety`). The arm
+follows its targets late by a known time, so the plan is sent ahead by as much: the arm then is
+where the plan is. Whatever goes wrong ends in a retreat up the normal.
 """
 
 import gc
@@ -39,7 +41,8 @@ TRANSFER_ACCELERATION = 0.8
 PROGRESS_EVERY = 250
 """Control periods between two reports of progress."""
 REFUSALS = 25
-"""Refused commands in a row after which a retreat is given up: the robot does not take commands again."""
+"""Refused commands in a row after which a retreat is given up: the robot does not take commands
+again."""
 NEAR = 0.05
 """Joint distance within which a robot still stands where an earlier scan left it [rad]."""
 
@@ -64,9 +67,11 @@ def execute(
         motion: What the planner made.
         config: Force control.
         limits: What ends the scan.
-        log: Where every control period in contact or close to it goes, also those of a scan that ends early.
+        log: Where every control period in contact or close to it goes, also those of a scan that
+            ends early.
         progress: Told the share of the path that is done, 0 to 1.
-        pause: Asked every period whether to wait, clear of the skin; the scan then goes on where it was.
+        pause: Asked every period whether to wait, clear of the skin; the scan then goes on where it
+            was.
         start: Row of the plan at which contact is made: `last_row` of a scan that was cut off.
         in_air: Whether to travel the path at its clearance, without contact.
         q_home: Where the arm parks in the end [rad]; None for where it stands now.
@@ -86,7 +91,9 @@ def execute(
     q_start = robot.state().q
     lifted = motion.lifted(start, robot.X_FP, robot.calibration)
     stands_there = float(np.abs(q_start - lifted).max()) < NEAR
-    robot.move_joint(lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+    robot.move_joint(
+        lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION
+    )
     robot.tare()
     route = Route(len(motion.q) - 1, start, in_air, motion.clearance)
     first_row = start if stands_there else 0
@@ -128,9 +135,12 @@ class _Probe:
         *,
         first_row: int,
     ) -> None:
-        self.robot, self.motion, self.route, self.config, self.limits, self.log = (
-            robot, motion, route, config, limits, log,
-        )  # fmt: skip
+        self.robot = robot
+        self.motion = motion
+        self.route = route
+        self.config = config
+        self.limits = limits
+        self.log = log
         self.error: BaseException | None = None
         """Why the scan ends early."""
         self._progress = Progress(Phase.TRAVEL, row=float(first_row))
@@ -146,12 +156,17 @@ class _Probe:
         self._tilt = TiltMemory()
         self._X_PF = se3.inverse(robot.X_FP)
         X_BP = robot.calibration.forward(motion.at(float(first_row))) @ robot.X_FP
-        self._planned_B, self._R_BP, self._velocity_B = X_BP[:3, 3], X_BP[:3, :3], np.zeros(3)
+        self._planned_B = X_BP[:3, 3]
+        self._R_BP = X_BP[:3, :3]
+        self._velocity_B = np.zeros(3)
         tips_B = (robot.calibration.forward(motion.q) @ robot.X_FP)[:, :3, 3]
         self._workspace = Workspace.around(tips_B, motion.clearance + limits.workspace_margin)
 
     def run(
-        self, check_interrupt: Callable[[], None], pause: Callable[[], bool], progress: Callable[[float], None]
+        self,
+        check_interrupt: Callable[[], None],
+        pause: Callable[[], bool],
+        progress: Callable[[float], None],
     ) -> None:
         """Every phase, to the end; `error` then says whether it was the good one."""
         cycle = 0
@@ -163,20 +178,28 @@ class _Probe:
                     progress(self._progress.row / self.route.last)
                 self._cycle(pause())
             except (Exception, KeyboardInterrupt) as error:
-                self._refused += self._progress.phase is Phase.ESCAPE  # something keeps the retreat itself from running
+                # something keeps the retreat itself from running
+                self._refused += self._progress.phase is Phase.ESCAPE
                 self._end(error)
             cycle += 1
         if self._refused > REFUSALS:
-            why = f"{self.error}; the robot takes no commands, so the probe was not retreated: move it away by hand"
+            why = (
+                f"{self.error}; the robot takes no commands, so the probe was not retreated: "
+                "move it away by hand"
+            )
             self.error = RobotError(why, self.error)
 
     def rehearse(self) -> None:
-        """Two periods that load every kernel: a tenth of a second, in which a moving arm would miss its commands."""
+        """Two periods that load every kernel: a tenth of a second, in which a moving arm would
+        miss its commands.
+        """
         for _ in range(2):
             self._cycle(False)
 
     def _look_anew(self) -> None:
-        """Begin with the state of now: on a robot whose clock runs by itself, the preparations have taken time."""
+        """Begin with the state of now: on a robot whose clock runs by itself, the preparations
+        have taken time.
+        """
         self._state = self.robot.state()
         self._watch = Watch.beginning(self._observation())
 
@@ -197,7 +220,9 @@ class _Probe:
             memory = contact.regulate(memory, demand.reference, self.config, lag, period)
         else:
             escaping = progress.phase is Phase.ESCAPE
-            acceleration = self.config.phases.escape_acceleration if escaping else self.config.acceleration
+            acceleration = (
+                self.config.phases.escape_acceleration if escaping else self.config.acceleration
+            )
             memory = contact.advance(memory, demand.speed, acceleration, lag, period)
         self._send(memory, progress)
 
@@ -207,7 +232,9 @@ class _Probe:
         if fault is not None:
             self._end(fault)
             return
-        self._memory = contact.sense(self._memory, -float(self._state.wrench_P[2]), self.config, self.robot.period)
+        self._memory = contact.sense(
+            self._memory, -float(self._state.wrench_P[2]), self.config, self.robot.period
+        )
         if self._progress.phase in PRESSING:
             fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
             vx, vy, _ = (self._velocity_B @ self._R_BP).tolist()
@@ -223,8 +250,16 @@ class _Probe:
     def _decide(self, pause: bool) -> tuple[ContactMemory, Progress, phases.Demand]:
         """What to do in this period."""
         memory, settings = self._memory, self.config.phases
-        now = Situation(memory.depth, memory.rate, memory.slow.force, contact.touches(memory, self.config), pause)
-        progress, demand = phases.step(self._progress, now, self.route, self.config.force, settings, self.robot.period)
+        now = Situation(
+            memory.depth,
+            memory.rate,
+            memory.slow.force,
+            contact.touches(memory, self.config),
+            pause,
+        )
+        progress, demand = phases.step(
+            self._progress, now, self.route, self.config.force, settings, self.robot.period
+        )
         if demand.fault is not None:
             self._end(demand.fault)
             progress, demand = phases.step(
@@ -234,12 +269,16 @@ class _Probe:
 
     def _send(self, memory: ContactMemory, progress: Progress) -> None:
         """One command to the robot; what was decided counts once it is taken."""
-        ahead = min(progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last))
+        ahead = min(
+            progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last)
+        )
         arm = self.robot.calibration
         X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
         X_BP = selection.corrected(X_BP_plan, memory.depth, self._tilt.rx, self._tilt.ry)
         command = Command(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
-        sent = safety.let_through(command, self._sent, self._workspace, self.limits, self.robot.period)
+        sent = safety.let_through(
+            command, self._sent, self._workspace, self.limits, self.robot.period
+        )
         if sent.fault is not None:
             self._end(sent.fault)
         try:
@@ -250,7 +289,9 @@ class _Probe:
         if not self._began:  # with what was known before it, so that a log can be played back
             self._note(progress, self._sent.q, touching=False)
             self._began = True
-        self._memory, self._sent, self._refused = memory, sent, 0
+        self._memory = memory
+        self._sent = sent
+        self._refused = 0
         self._progress = progress if self.error is None else phases.escape(progress, self._felt)
         self._state = self.robot.state()
         self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
@@ -259,9 +300,13 @@ class _Probe:
         self._note(progress, sent.q, touching=contact.touches(memory, self.config))
 
     def _note(self, progress: Progress, target: Float[np.ndarray, "6"], *, touching: bool) -> None:
-        """Log the state that followed `target`, when the arm should be at the progress's row of the plan."""
+        """Log the state that followed `target`, when the arm should be at the progress's row of
+        the plan.
+        """
         state, row = self._state, progress.row if progress.phase is Phase.LOOP else math.nan
-        sample = Sample(state.time, progress.phase, row, state.q, state.qd, target, state.wrench_P, touching)
+        sample = Sample(
+            state.time, progress.phase, row, state.q, state.qd, target, state.wrench_P, touching
+        )
         self.log.append(sample)
 
     def _end(self, error: BaseException) -> None:
@@ -271,7 +316,9 @@ class _Probe:
         self._progress = phases.escape(self._progress, self._felt)
 
     def _refuse(self, error: RobotError) -> None:
-        """Stop, and begin the retreat from wherever the robot then is, should it take commands again."""
+        """Stop, and begin the retreat from wherever the robot then is, should it take commands
+        again.
+        """
         self._refused += 1
         self._end(error)
         with suppress(RobotError):
@@ -328,13 +375,17 @@ def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
 
 
 def last_row(log: list[Sample]) -> int:
-    """The last row of the plan that was reached in contact; a scan that was cut off starts again there."""
+    """The last row of the plan that was reached in contact; a scan that was cut off starts again
+    there.
+    """
     return next((int(sample.row) for sample in reversed(log) if not math.isnan(sample.row)), 0)
 
 
 @contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Keep Python from looking for garbage inside the block: over a large program that takes tens of periods."""
+    """Keep Python from looking for garbage inside the block: over a large program that takes
+    tens of periods.
+    """
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -346,7 +397,8 @@ def no_garbage_collection() -> Iterator[None]:
 
 @contextmanager
 def deferred_interrupt() -> Iterator[Callable[[], None]]:
-    """Hold Ctrl-C back inside the block until the yielded check is called, so that it never falls into a command.
+    """Hold Ctrl-C back inside the block until the yielded check is called, so that it never falls
+    into a command.
 
     Off the main thread, where no signal arrives, the check does nothing.
     """

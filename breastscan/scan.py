@@ -1,6 +1,8 @@
-"""The scan: a stereo pair becomes points, points a path on the skin, the path a motion, the motion a controlled touch.
+"""The scan: a stereo pair becomes points, points a path on the skin, the path a motion, the motion
+a controlled touch.
 
-Perceive [Zhang, Secs. II, III], plan [Sec. IV], execute [Sec. V]: each step sees only what the one before it made.
+Perceive [Zhang, Secs. II, III], plan [Sec. IV], execute [Sec. V]: each step sees only what the one
+before it made.
 """
 
 import time
@@ -43,14 +45,16 @@ class ScanConfig:
     """Every setting of the pipeline, stage by stage."""
 
     stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2, mean_px=1))
-    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px would leave holes. A
-    mean would round off the foot, and the refinement does better what it does elsewhere."""
+    """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px
+    would leave holes. A mean would round off the foot, and the refinement does better what it does
+    elsewhere."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     refine: RefineConfig = field(default_factory=lambda: RefineConfig(fit=FitConfig(smoothing=3.0)))
-    """A stiffer field would take off .2 mm of the nipple, and the loop at half height would lie .1 mm lower."""
+    """A stiffer field would take off .2 mm of the nipple, and the loop at half height would lie .1
+    mm lower."""
     denoise_alpha: float = 4.0
-    """alpha of the denoising filter [Zhang, Eq. 12]. Points on the flanks lie three times as far apart as on top: at 2,
-    they would go as well."""
+    """alpha of the denoising filter [Zhang, Eq. 12]. Points on the flanks lie three times as far
+    apart as on top: at 2, they would go as well."""
     cloud_points: int = 4000
     """Points that down-sampling keeps."""
     pattern: PatternConfig = field(default_factory=PatternConfig)
@@ -155,9 +159,11 @@ def scan(
         cell: Where they stand.
         config: Every setting.
         stages: Takes the wall times and hears of the progress.
-        clearances: Measures the arm's distance from itself and the robot's cell; None leaves that out.
+        clearances: Measures the arm's distance from itself and the robot's cell; None leaves that
+            out.
         on_plan: Shown the plan before the arm moves.
-        keep: Is given what was measured and the error that cuts the execution off, if the probe moved.
+        keep: Is given what was measured and the error that cuts the execution off, if the probe
+            moved.
         in_air: Whether to travel the path at its clearance, without contact.
 
     Raises:
@@ -175,7 +181,13 @@ def scan(
     with stages.stage("execution") as progress:
         try:
             execution.execute(
-                robot, plan.motion, config.contact, config.safety, log=log, progress=progress, in_air=in_air
+                robot,
+                plan.motion,
+                config.contact,
+                config.safety,
+                log=log,
+                progress=progress,
+                in_air=in_air,
             )
         except BaseException as error:
             if log:
@@ -192,7 +204,9 @@ def scan(
     )
 
 
-def perceive(images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages) -> Reconstruction:
+def perceive(
+    images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages
+) -> Reconstruction:
     """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
     pair, matched = match(images, rig, config, stages)
     try:
@@ -221,7 +235,9 @@ def reconstruct_breast(
     with stages.stage("segmentation"):
         breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
     with stages.stage("refinement"):
-        disparity = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine).disparity
+        disparity = refine.refine(
+            pair.left, pair.right, matched, breast.mask, config.refine
+        ).disparity
     with stages.stage("cloud"):
         points_L = triangulation.triangulate(disparity, pair)
         points_L[~breast.mask] = np.nan
@@ -233,11 +249,18 @@ def reconstruct_breast(
         sampled_L = cloud_L[filters.uniform_sample(cloud_L, min(config.cloud_points, len(cloud_L)))]
         normals_L = normals.estimate_normals(cloud_L, at=sampled_L)
     return Reconstruction(
-        pair=pair, disparity=disparity, breast=breast, points_L=points_L, sampled_L=sampled_L, normals_L=normals_L
+        pair=pair,
+        disparity=disparity,
+        breast=breast,
+        points_L=points_L,
+        sampled_L=sampled_L,
+        normals_L=normals_L,
     )
 
 
-def check_order(images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig) -> None:
+def check_order(
+    images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig
+) -> None:
     """Refuse a pair that matches better with left and right exchanged.
 
     Raises:

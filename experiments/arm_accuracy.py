@@ -1,4 +1,6 @@
-"""How far from its plan is the tip of an arm that deviates from its drawing, with and without its calibration read?"""
+"""How far from its plan is the tip of an arm that deviates from its drawing, with and without
+its calibration read?
+"""
 
 from dataclasses import dataclass
 from typing import Literal

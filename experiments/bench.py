@@ -1,4 +1,6 @@
-"""The benchmark table: how do speed and accuracy compare with named peers, measured interleaved in one run?"""
+"""The benchmark table: how do speed and accuracy compare with named peers, measured interleaved
+in one run?
+"""
 
 from rich.console import Console
 from rich.table import Table

@@ -1,4 +1,6 @@
-"""What does a control cycle with safety cost? Everything between two calls of the robot, over a scan on the twin."""
+"""What does a control cycle with safety cost? Everything between two calls of the robot, over a
+scan on the twin.
+"""
 
 import time
 from typing import Any, cast
@@ -49,7 +51,9 @@ def cycle_times() -> Float[np.ndarray, "n"]:
     scene = Scene()
     tissue = SoftTissue.build(scene.phantom)
     robot = SimRobot(scene, tissue)
-    motion = section(true_loop_motion(scene, tissue), robot.X_FP, start=0.0, length=LENGTH, speed=SPEED)
+    motion = section(
+        true_loop_motion(scene, tissue), robot.X_FP, start=0.0, length=LENGTH, speed=SPEED
+    )
     clocked = _Clocked(robot)
     execute(cast(Robot, clocked), motion, ContactConfig(), SafetyLimits())
     return np.array(clocked.cycles[1:])
@@ -60,6 +64,11 @@ def rows() -> list[Row]:
     cycles = cycle_times()
     median, late = (float(np.quantile(cycles, share)) for share in (0.5, LATE))
     return [
-        ("control cycle with safety, CPU time, median [ms]", median * 1e3, MEDIAN_BUDGET * 1e3, MEDIAN_BUDGET / median),
+        (
+            "control cycle with safety, CPU time, median [ms]",
+            median * 1e3,
+            MEDIAN_BUDGET * 1e3,
+            MEDIAN_BUDGET / median,
+        ),
         ("the same, 99.9 % [ms]", late * 1e3, LATE_BUDGET * 1e3, LATE_BUDGET / late),
     ]

@@ -1,6 +1,7 @@
 """How exact is the depth, against OpenCV's, on a breast-like dome?
 
-RMSE of the depth at 540 mm, three textures and three noise levels, away from its steep rim, where both have a value.
+RMSE of the depth at 540 mm, three textures and three noise levels, away from its steep rim, where
+both have a value.
 """
 
 import numpy as np
@@ -44,7 +45,9 @@ def rows() -> list[Row]:
 def _dome_errors(scene: DomeScene, pair: RectifiedPair) -> tuple[float, float, float]:
     """RMSE of our match, of its refinement and of OpenCV's match [mm]."""
     matched = disparity_map(
-        pair.left, pair.right, StereoConfig(min_disparity=MIN_DISPARITY, num_disparities=NUM_DISPARITIES)
+        pair.left,
+        pair.right,
+        StereoConfig(min_disparity=MIN_DISPARITY, num_disparities=NUM_DISPARITIES),
     )
     mask = segment_breast(triangulate(matched, pair)).mask
     refined = refine(pair.left, pair.right, matched, mask).disparity

@@ -1,7 +1,9 @@
-"""How many pixels are wrong at sharp depth edges, against OpenCV's matcher: in a synthetic room and on photographs?
+"""How many pixels are wrong at sharp depth edges, against OpenCV's matcher: in a synthetic room and
+on photographs?
 
-Of the pixels that are matched, and of all once holes are filled from the background. OpenCV's eight-path mode rejects
-doubtful matches as its own sample does. Left columns that no full search reaches are left out for both.
+Of the pixels that are matched, and of all once holes are filled from the background. OpenCV's
+eight-path mode rejects doubtful matches as its own sample does. Left columns that no full search
+reaches are left out for both.
 
 `python -m experiments.bench_edges FOLDER ...` measures Middlebury's pairs in these folders as well.
 """
@@ -44,34 +46,51 @@ def pair_rows(name: str, pair: EdgePair) -> list[Row]:
     assert searched is not None
     smallest, count = searched
     table = []
-    peer = wrong_percent(opencv_disparity(pair.left, pair.right, smallest, count), pair, smallest + count)
+    peer = wrong_percent(
+        opencv_disparity(pair.left, pair.right, smallest, count), pair, smallest + count
+    )
     for paths in (8, 4):
-        config = StereoConfig(min_disparity=smallest, num_disparities=count, paths=8 if paths == 8 else 4)
+        config = StereoConfig(
+            min_disparity=smallest, num_disparities=count, paths=8 if paths == 8 else 4
+        )
         own = wrong_percent(disparity_map(pair.left, pair.right, config), pair, smallest + count)
         table += [
-            (f"{name}, {paths} paths, {what} [%]", own[what], peer[what], peer[what] / max(own[what], 1e-9))
+            (
+                f"{name}, {paths} paths, {what} [%]",
+                own[what],
+                peer[what],
+                peer[what] / max(own[what], 1e-9),
+            )
             for what in own
         ]
     return table
 
 
-def wrong_percent(disparity: Float32[np.ndarray, "h w"], pair: EdgePair, reach: int) -> dict[str, float]:
-    """Shares of pixels off by more than each of `ERRORS_PX`, without the `reach` columns on the left [%]."""
+def wrong_percent(
+    disparity: Float32[np.ndarray, "h w"], pair: EdgePair, reach: int
+) -> dict[str, float]:
+    """Shares of pixels off by more than each of `ERRORS_PX`, without the `reach` columns on the
+    left [%].
+    """
     searched = np.isfinite(pair.disparity)
     searched[:, :reach] = False
     known = searched & pair.seen_twice & np.isfinite(disparity)
 
-    def percent(estimate: Float[np.ndarray, "h w"], where: Bool[np.ndarray, "h w"], limit: float) -> float:
+    def percent(
+        estimate: Float[np.ndarray, "h w"], where: Bool[np.ndarray, "h w"], limit: float
+    ) -> float:
         return float(100 * np.mean(np.abs(estimate - pair.disparity)[where] > limit))
 
     filled = filled_from_background(disparity)
-    return {f"off by {limit} px, matched": percent(disparity, known, limit) for limit in ERRORS_PX} | {
-        f"off by {limit} px, filled": percent(filled, searched, limit) for limit in ERRORS_PX
-    }
+    return {
+        f"off by {limit} px, matched": percent(disparity, known, limit) for limit in ERRORS_PX
+    } | {f"off by {limit} px, filled": percent(filled, searched, limit) for limit in ERRORS_PX}
 
 
 def filled_from_background(disparity: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-    """Every hole takes the smaller of the nearest known disparities left and right of it: the surface behind."""
+    """Every hole takes the smaller of the nearest known disparities left and right of it: the
+    surface behind.
+    """
     filled = disparity.copy()
     for row in filled:
         known = np.flatnonzero(np.isfinite(row))

@@ -1,4 +1,6 @@
-"""How much CPU time do curve, inverse kinematics and planning of a loop take, and how much do their peers take?"""
+"""How much CPU time do curve, inverse kinematics and planning of a loop take, and how much do
+their peers take?
+"""
 
 import time
 from collections.abc import Callable
@@ -68,7 +70,9 @@ def _curve_rows() -> list[Row]:
     path = _ring()
     curve = path.curve
     weighted = Nurbs.interpolate(path.points_B, weights=np.linspace(1.0, 3.0, len(path.points_B)))
-    peer = make_interp_spline(curve.breaks, np.vstack([path.points_B, path.points_B[:1]]), bc_type="periodic")
+    peer = make_interp_spline(
+        curve.breaks, np.vstack([path.points_B, path.points_B[:1]]), bc_type="periodic"
+    )
     u = np.random.default_rng(0).uniform(0.0, 1.0, CURVE_POINTS)
     plain_seconds = _cpu_seconds(lambda: [curve.evaluate(u, order) for order in range(3)])
     weighted_seconds = _cpu_seconds(lambda: weighted.derivatives(u, 2))
@@ -76,8 +80,16 @@ def _curve_rows() -> list[Row]:
     what = "1e6 curve points with two derivatives"
     return [
         _row(f"{what}, against SciPy", plain_seconds, scipy_seconds),
-        _row(f"{what}, against geomdl", plain_seconds, _geomdl_seconds(geomdl.BSpline.Curve, curve, u)),
-        _row(f"{what}, rational, against geomdl", weighted_seconds, _geomdl_seconds(geomdl.NURBS.Curve, weighted, u)),
+        _row(
+            f"{what}, against geomdl",
+            plain_seconds,
+            _geomdl_seconds(geomdl.BSpline.Curve, curve, u),
+        ),
+        _row(
+            f"{what}, rational, against geomdl",
+            weighted_seconds,
+            _geomdl_seconds(geomdl.NURBS.Curve, weighted, u),
+        ),
     ]
 
 
@@ -89,7 +101,11 @@ def _geomdl_seconds(kind: type, curve: Nurbs, u: np.ndarray) -> float:
         peer.weights = curve.weights.tolist()
     peer.knotvector = curve.spline.t.tolist()
     few = u[:SLOW_CURVE_POINTS].tolist()
-    return _cpu_seconds(lambda: [peer.derivatives(value, order=2) for value in few]) * CURVE_POINTS / SLOW_CURVE_POINTS
+    return (
+        _cpu_seconds(lambda: [peer.derivatives(value, order=2) for value in few])
+        * CURVE_POINTS
+        / SLOW_CURVE_POINTS
+    )
 
 
 def _kinematics_rows() -> list[Row]:
@@ -104,20 +120,34 @@ def _kinematics_rows() -> list[Row]:
     inverse_seconds = _cpu_seconds(lambda: kinematics.inverse_branches(X_BF))
     single_seconds = _cpu_seconds(single_calls) / SINGLE_CALLS
     return [
-        _row("all branches of 1e5 inverse kinematics, against a budget of 1 s", inverse_seconds, 1.0),
-        _row("forward and Jacobian of one configuration, against a budget of 60 us", single_seconds, 60e-6),
+        _row(
+            "all branches of 1e5 inverse kinematics, against a budget of 1 s", inverse_seconds, 1.0
+        ),
+        _row(
+            "forward and Jacobian of one configuration, against a budget of 60 us",
+            single_seconds,
+            60e-6,
+        ),
     ]
 
 
 def _planning_rows() -> list[Row]:
-    X_FP = se3.from_rotation_vector(np.array([0.0, np.radians(45.0), 0.0]), np.array([0.0, 0.0, 0.06]))
+    X_FP = se3.from_rotation_vector(
+        np.array([0.0, np.radians(45.0), 0.0]), np.array([0.0, 0.0, 0.06])
+    )
     X_FP = X_FP @ se3.pose(np.eye(3), np.array([0.0, 0.0, 0.14]))
 
     def seconds(path: Path) -> float:
-        return _cpu_seconds(lambda: motion.plan(path, X_FP, PERIOD, FeedrateLimits(), JointPathConfig()))
+        return _cpu_seconds(
+            lambda: motion.plan(path, X_FP, PERIOD, FeedrateLimits(), JointPathConfig())
+        )
 
     return [
-        _row("a loop from 15 points to joint angles at 500 Hz, against a budget of .5 s", seconds(_ring()), 0.5),
+        _row(
+            "a loop from 15 points to joint angles at 500 Hz, against a budget of .5 s",
+            seconds(_ring()),
+            0.5,
+        ),
         _row(
             f"a helix of {LONG_TURNS} turns, against {LONG_TURNS} of one",
             seconds(_helix(LONG_TURNS)),
@@ -131,7 +161,9 @@ def _helix(turns: int) -> Path:
     angle = np.linspace(0.0, 2 * np.pi * turns, 15 * turns + 1)
     height = 0.1 + 0.005 * angle / (2 * np.pi)
     points_B = np.stack([0.5 + 0.062 * np.cos(angle), 0.062 * np.sin(angle), height], axis=1)
-    return Path(points_B=points_B, normals_B=np.tile([0.0, 0.0, 1.0], (len(angle), 1)), closed=False)
+    return Path(
+        points_B=points_B, normals_B=np.tile([0.0, 0.0, 1.0], (len(angle), 1)), closed=False
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""What does the link cost? The twin behind its ports, driven by the robot class that drives the real arm.
+"""What does the link cost? The twin behind its ports, driven by the robot class that drives the
+real arm.
 
-`python -m experiments.bench_rtde` streams 10 000 targets, once at normal and once at real-time priority, with a second
-client listening, and runs the whole scan in process and over the sockets. Give the machine nothing else to do.
+`python -m experiments.bench_rtde` streams 10 000 targets, once at normal and once at real-time
+priority, with a second client listening, and runs the whole scan in process and over the sockets.
+Give the machine nothing else to do.
 """
 
 import json
@@ -85,11 +87,19 @@ def stream(real_time: bool) -> dict[str, str]:
     """Targets in every period, and what became of them."""
     priority = () if real_time else ("--controller.no-real-time",)
     scene = Scene()
-    config = RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), real_time=real_time)
-    with twin(*priority), closing(RtdeRobot(config)) as robot, closing(TwinControl(HOST)) as control:
+    config = RtdeConfig(
+        host=HOST, X_FP=scene.X_FP, payload=payload(scene.config.mount_angle), real_time=real_time
+    )
+    with (
+        twin(*priority),
+        closing(RtdeRobot(config)) as robot,
+        closing(TwinControl(HOST)) as control,
+    ):
         listeners = [
             subprocess.Popen(
-                [sys.executable, "-c", LISTENER, HOST, str(rate), str(LISTENING)], stdout=subprocess.PIPE, text=True
+                [sys.executable, "-c", LISTENER, HOST, str(rate), str(LISTENING)],
+                stdout=subprocess.PIPE,
+                text=True,
             )
             for rate in (125, 500)
         ]
@@ -109,37 +119,49 @@ def stream(real_time: bool) -> dict[str, str]:
         after, wall = control.do("status"), time.monotonic() - start
         rates = [float(listener.communicate()[0]) for listener in listeners]
     none, one, more = after["cycles"]
+    spent = after["cpu_s"] - before["cpu_s"]
     return {
         "targets refused or lost": f"{refused} of {CYCLES}" + "".join(f" ({why})" for why in lag),
         "cycles with no / one / more packages [%]": " / ".join(
             f"{100 * count / (none + one + more):.2f}" for count in (none, one, more)
         ),
-        "a second client's states a second, at 125 and 500 Hz": " / ".join(f"{rate:.1f}" for rate in rates),
-        "twin's share of a core, three clients [%]": f"{100 * (after['cpu_s'] - before['cpu_s']) / wall:.0f}",
+        "a second client's states a second, at 125 and 500 Hz": " / ".join(
+            f"{rate:.1f}" for rate in rates
+        ),
+        "twin's share of a core, three clients [%]": f"{100 * spent / wall:.0f}",
     }
 
 
 def whole_scan() -> dict[str, str]:
     """The scan in process and over the link: how it tracked, and the force that was true."""
     with tempfile.TemporaryDirectory() as folder:
-        near, far, truth = Path(folder) / "near", Path(folder) / "far", Path(folder) / "truth"
+        near = Path(folder) / "near"
+        far = Path(folder) / "far"
+        truth = Path(folder) / "truth"
         _breastscan("scan", "--no-video", "--out", str(near))
         with twin("--out", str(truth)):
-            _breastscan("scan", "--no-video", "--robot", f"rtde://{HOST}", "--yes", "--out", str(far))
+            _breastscan(
+                "scan", "--no-video", "--robot", f"rtde://{HOST}", "--yes", "--out", str(far)
+            )
         deadline = time.monotonic() + 20
         while not (truth / "truth.parquet").exists() and time.monotonic() < deadline:
             time.sleep(0.1)
         in_process = _figures(near, near / "trajectory.parquet")
         over_link = _figures(far, truth / "truth.parquet")
     return {
-        f"{name}, in process / over the link": f"{in_process[name]:.3f} / {over_link[name]:.3f}" for name in in_process
+        f"{name}, in process / over the link": f"{in_process[name]:.3f} / {over_link[name]:.3f}"
+        for name in in_process
     }
 
 
 def _figures(run: Path, truth: Path) -> dict[str, float]:
     """Of one run folder, and what really happened."""
     measured = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
-    loop = pl.read_parquet(run / "trajectory.parquet").filter(pl.col("phase") == "loop")["t"].to_numpy()
+    loop = (
+        pl.read_parquet(run / "trajectory.parquet")
+        .filter(pl.col("phase") == "loop")["t"]
+        .to_numpy()
+    )
     true = pl.read_parquet(truth)
     steady = (true["t"].to_numpy() >= loop[0] + STEADY_AFTER) & (true["t"].to_numpy() <= loop[-1])
     return {
@@ -149,7 +171,9 @@ def _figures(run: Path, truth: Path) -> dict[str, float]:
 
 
 def _breastscan(*arguments: str) -> None:
-    subprocess.run([sys.executable, "-m", "breastscan", *arguments], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, "-m", "breastscan", *arguments], check=True, stdout=subprocess.DEVNULL
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """How fast is the stereo matcher, and how exact, against OpenCV's on the same pair?
 
-Speed is CPU time (all threads, on one core) at the rig's full size, the median of interleaved runs, so that a busy
-machine slows both alike; both keep their memory between runs. `bench_depth` and `bench_edges` tell how exact.
+Speed is CPU time (all threads, on one core) at the rig's full size, the median of interleaved runs,
+so that a busy machine slows both alike; both keep their memory between runs. `bench_depth` and
+`bench_edges` tell how exact.
 """
 
 import os
@@ -68,24 +69,40 @@ def _speed_rows(pair: RectifiedPair, config: BenchConfig) -> list[Row]:
     peers = {name: _opencv_matcher(pair, config, mode) for name, mode in OPENCV_MODES.items()}
     seconds = _interleaved_cpu_seconds({**own, **peers}, config.repeats)
     return [
-        (f"CPU time, {ours} against {theirs} [s]", seconds[ours], seconds[theirs], seconds[theirs] / seconds[ours])
+        (
+            f"CPU time, {ours} against {theirs} [s]",
+            seconds[ours],
+            seconds[theirs],
+            seconds[theirs] / seconds[ours],
+        )
         for ours in own
         for theirs in peers
     ]
 
 
 def _region_row(pair: RectifiedPair, config: BenchConfig) -> Row:
-    """From the part of the pair that shows the breast to its refined disparity, the mask known from before."""
+    """From the part of the pair that shows the breast to its refined disparity, the mask known
+    from before.
+    """
     mask = segment_breast(triangulate(_own_matcher(pair, config, paths=8)(), pair)).mask
-    stereo = StereoConfig(min_disparity=config.min_disparity, num_disparities=config.num_disparities)
+    stereo = StereoConfig(
+        min_disparity=config.min_disparity, num_disparities=config.num_disparities
+    )
     rows, columns = _region(mask, config.min_disparity + config.num_disparities)
-    left, right, part = (np.ascontiguousarray(image[rows, columns]) for image in (pair.left, pair.right, mask))
+    left, right, part = (
+        np.ascontiguousarray(image[rows, columns]) for image in (pair.left, pair.right, mask)
+    )
 
     def run() -> np.ndarray:
         return refine(left, right, disparity_map(left, right, stereo), part).disparity
 
     seconds = _interleaved_cpu_seconds({"region": run}, config.repeats)["region"]
-    return "CPU time, breast region, pair to refined depth [s]", seconds, REGION_BUDGET, REGION_BUDGET / seconds
+    return (
+        "CPU time, breast region, pair to refined depth [s]",
+        seconds,
+        REGION_BUDGET,
+        REGION_BUDGET / seconds,
+    )
 
 
 def _region(mask: Bool[np.ndarray, "h w"], reach: int) -> tuple[slice, slice]:
@@ -98,7 +115,9 @@ def _region(mask: Bool[np.ndarray, "h w"], reach: int) -> tuple[slice, slice]:
 
 
 def _memory_row(pair: RectifiedPair, config: BenchConfig) -> Row:
-    """The most that one match takes, in a thread of its own, which has kept no memory from earlier ones."""
+    """The most that one match takes, in a thread of its own, which has kept no memory from
+    earlier ones.
+    """
     tracemalloc.start()
     with ThreadPoolExecutor(1) as pool:
         pool.submit(_own_matcher(pair, config, paths=8)).result()
@@ -109,18 +128,26 @@ def _memory_row(pair: RectifiedPair, config: BenchConfig) -> Row:
 
 def _own_matcher(pair: RectifiedPair, config: BenchConfig, paths: int) -> Callable[[], np.ndarray]:
     stereo = StereoConfig(
-        min_disparity=config.min_disparity, num_disparities=config.num_disparities, paths=8 if paths == 8 else 4
+        min_disparity=config.min_disparity,
+        num_disparities=config.num_disparities,
+        paths=8 if paths == 8 else 4,
     )
     return lambda: disparity_map(pair.left, pair.right, stereo)
 
 
-def _opencv_matcher(pair: RectifiedPair, config: BenchConfig, mode: int) -> Callable[[], np.ndarray]:
+def _opencv_matcher(
+    pair: RectifiedPair, config: BenchConfig, mode: int
+) -> Callable[[], np.ndarray]:
     matcher = opencv_matcher(config.min_disparity, config.num_disparities, mode)
     return lambda: matcher.compute(pair.left, pair.right)
 
 
-def _interleaved_cpu_seconds(runs: dict[str, Callable[[], np.ndarray]], repeats: int) -> dict[str, float]:
-    """Median CPU time of each, all run in turn `repeats` times after a first round that compiles and warms up."""
+def _interleaved_cpu_seconds(
+    runs: dict[str, Callable[[], np.ndarray]], repeats: int
+) -> dict[str, float]:
+    """Median CPU time of each, all run in turn `repeats` times after a first round that compiles
+    and warms up.
+    """
     seconds = {name: [] for name in runs}
     with _one_core():
         for round_ in range(repeats + 1):
@@ -139,7 +166,8 @@ def _one_core() -> Iterator[None]:
     Threads that share a core's units wait for each other, and that time would count as theirs.
     """
     threads = cv2.getNumThreads()
-    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None  # Linux alone has it
+    # Linux alone has it
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
     cv2.setNumThreads(1)
     if cores is not None:
         os.sched_setaffinity(0, {min(cores)})

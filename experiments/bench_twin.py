@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""How much faster than real time does the twin run, pressing the soft phantom under control, and where does it go?"""
+"""How much faster than real time does the twin run, pressing the soft phantom under control, and
+where does it go?
+"""
 
 import time
 from collections.abc import Callable
@@ -24,11 +26,15 @@ Row = tuple[str, float, float, float]
 
 
 def rows() -> list[Row]:
-    """Simulated seconds a second of CPU time on one core, and the shares of what is computed in it."""
+    """Simulated seconds a second of CPU time on one core, and the shares of what is computed in
+    it.
+    """
     scene = Scene()
     tissue = SoftTissue.build(scene.phantom)
     motion = true_loop_motion(scene, tissue)
-    robot, mechanics, contact = SimRobot(scene, tissue), _Stopwatch(), _Stopwatch()
+    robot = SimRobot(scene, tissue)
+    mechanics = _Stopwatch()
+    contact = _Stopwatch()
     started = robot.state().time
     with (
         patch.object(mujoco, "mj_step1", mechanics.timing(mujoco.mj_step1)),
@@ -45,8 +51,16 @@ def rows() -> list[Row]:
         "Python outside both": whole - mechanics.spent - contact.spent,
     }
     return [
-        ("simulated seconds a CPU second: arm, contact, control at 500 Hz", factor, REAL_TIME, factor / REAL_TIME),
-        *((f"of that time, {name} [%]", ALL * spent / whole, ALL, whole / spent) for name, spent in shares.items()),
+        (
+            "simulated seconds a CPU second: arm, contact, control at 500 Hz",
+            factor,
+            REAL_TIME,
+            factor / REAL_TIME,
+        ),
+        *(
+            (f"of that time, {name} [%]", ALL * spent / whole, ALL, whole / spent)
+            for name, spent in shares.items()
+        ),
     ]
 
 

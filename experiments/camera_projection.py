@@ -2,8 +2,9 @@
 # (MuJoCo's compiled modules carry no types)
 """Do the drawn cameras see points where OpenCV's camera model projects them?
 
-A tilted board of soft dots is drawn as the twin draws everything. The detector is the dots' centre of gravity; where it
-should lie follows from `cv2.projectPoints` alone, integrated over each dot. Soft dots leave no jagged edges to measure.
+A tilted board of soft dots is drawn as the twin draws everything. The detector is the dots' centre
+of gravity; where it should lie follows from `cv2.projectPoints` alone, integrated over each dot.
+Soft dots leave no jagged edges to measure.
 """
 
 from dataclasses import dataclass
@@ -30,8 +31,11 @@ DOT_SIGMA = 2.2e-3
 """Width of a dot [m]: 2.7 px in the middle of the image."""
 DOT_REACH = 4.5
 """Where a dot ends [sigmas]."""
-SPACING_PX, MARGIN_PX, JITTER_PX = 40, 18, 2.0
-"""Of the dots in the image: the outermost are just whole. The jitter puts them on all fractions of a pixel."""
+SPACING_PX = 40
+MARGIN_PX = 18
+JITTER_PX = 2.0
+"""Of the dots in the image: the outermost are just whole. The jitter puts them on all fractions of
+a pixel."""
 WINDOW_PX = 13
 """Half the side of what the detector sees."""
 CORNER_SHARE = 0.85
@@ -70,27 +74,36 @@ def measure(rig: StereoRig, side: str, *, supersampling: int, seed: int) -> Proj
 
 
 def _dots(camera: Intrinsics, rng: np.random.Generator) -> Float[np.ndarray, "n 2"]:
-    """Places on the board [m] that lie on a grid over the image, as far as the lens lets whole dots in."""
+    """Places on the board [m] that lie on a grid over the image, as far as the lens lets whole
+    dots in.
+    """
     axes = (
-        np.linspace(MARGIN_PX, size - 1 - MARGIN_PX, round(size / SPACING_PX)) for size in (camera.width, camera.height)
+        np.linspace(MARGIN_PX, size - 1 - MARGIN_PX, round(size / SPACING_PX))
+        for size in (camera.width, camera.height)
     )
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     pixels = grid + rng.uniform(-JITTER_PX, JITTER_PX, grid.shape)
     rays = np.column_stack(
-        [cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion)[:, 0], np.ones(len(grid))]
+        [
+            cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion)[:, 0],
+            np.ones(len(grid)),
+        ]
     )
     X_BoardC = se3.inverse(X_CBOARD)
     origin, towards = X_BoardC[:3, 3], se3.rotate(X_BoardC, rays)
     places = (origin - origin[2] / towards[:, 2:] * towards)[:, :2]
     returned = np.array([_expected(place, camera) for place in places])
-    seen = np.linalg.norm(returned - pixels, axis=1) < 1.0  # beyond the lens' field no ray comes back
+    # beyond the lens' field no ray comes back
+    seen = np.linalg.norm(returned - pixels, axis=1) < 1.0
     inside = np.abs(places).max(axis=1) < BOARD_SIDE / 2 - DOT_REACH * DOT_SIGMA
     rim = np.linalg.norm((pixels - camera.K[:2, 2]) / camera.K[[0, 1], [0, 1]], axis=1)
     return places[seen & inside & (rim < rim[seen].max() - MARGIN_PX / camera.K[0, 0])]
 
 
 def _expected(dot: Float[np.ndarray, "2"], camera: Intrinsics) -> Float[np.ndarray, "2"]:
-    """Centre of gravity [px] of a dot's image: its brightness and the area that it covers, summed over the dot."""
+    """Centre of gravity [px] of a dot's image: its brightness and the area that it covers,
+    summed over the dot.
+    """
     steps = np.linspace(-DOT_REACH, DOT_REACH, 31) * DOT_SIGMA
     x, y = np.meshgrid(steps, steps)
     board = np.stack([x + dot[0], y + dot[1], np.zeros_like(x)], axis=-1).reshape(-1, 3)
@@ -128,9 +141,13 @@ def _image(
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
     box_W = se3.transform(X_WC @ X_CBOARD, np.vstack([corners, corners + np.array([0, 0, 0.01])]))
     root.asset.add(
-        "mesh", name="board", inertia="shell", vertex=box_W.ravel(), face=[0, 2, 1, 0, 3, 2, 4, 5, 6, 4, 6, 7],
+        "mesh",
+        name="board",
+        inertia="shell",
+        vertex=box_W.ravel(),
+        face=[0, 2, 1, 0, 3, 2, 4, 5, 6, 4, 6, 7],
         texcoord=np.tile(corners[:, :2] / BOARD_SIDE + 0.5, (2, 1)).ravel(),
-    )  # fmt: skip
+    )
     root.worldbody.add("geom", type="mesh", mesh="board", material="board")
     canvas = canvases(rig, supersampling)[side]
     root.worldbody.add("camera", name="camera", **mujoco_camera(canvas, X_WC))
@@ -139,10 +156,14 @@ def _image(
     mujoco.mj_forward(model, data)
     with open_renderer(model, canvas.width, canvas.height) as renderer:
         renderer.update_scene(data, "camera")
-        return Lens(getattr(rig, side), canvas, supersampling, CameraErrors()).bend(renderer.render())
+        return Lens(getattr(rig, side), canvas, supersampling, CameraErrors()).bend(
+            renderer.render()
+        )
 
 
-def _centre(image: Float32[np.ndarray, "h w"], around: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
+def _centre(
+    image: Float32[np.ndarray, "h w"], around: Float[np.ndarray, "2"]
+) -> Float[np.ndarray, "2"]:
     """Centre of gravity [px] of what is bright about a pixel."""
     column, row = np.rint(around).astype(int)
     top, left = max(row - WINDOW_PX, 0), max(column - WINDOW_PX, 0)

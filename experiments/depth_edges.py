@@ -1,7 +1,8 @@
 """An indoor-like stereo pair of known disparity with sharp depth edges, which a breast never shows.
 
-A textured wall, weakly textured boards before it and a slanted floor. Each image is painted from the surface nearest to
-its own camera at each pixel, so that what only one camera sees is occluded as in a room.
+A textured wall, weakly textured boards before it and a slanted floor. Each image is painted from
+the surface nearest to its own camera at each pixel, so that what only one camera sees is occluded
+as in a room.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +23,8 @@ BOARDS = (
     (0.60, 0.66, 0.35, 0.95, 140.0, 1.0),
     (0.75, 0.96, 0.55, 0.80, 105.3, 0.5),
 )
-"""Left, right, top and bottom as shares of the left image, disparity [px], and contrast over that of the wall."""
+"""Left, right, top and bottom as shares of the left image, disparity [px], and contrast over that
+of the wall."""
 CONTRAST = 22.0
 """Standard deviation of the wall's texture [grey levels]."""
 
@@ -39,7 +41,9 @@ class EdgePair:
     """Left pixels whose surface the right camera sees too."""
 
 
-def edge_pair(*, width: int = 960, height: int = 640, noise: float = 1.0, seed: int = 0) -> EdgePair:
+def edge_pair(
+    *, width: int = 960, height: int = 640, noise: float = 1.0, seed: int = 0
+) -> EdgePair:
     """Render the room, with normal noise of standard deviation `noise` [grey levels]."""
     rng = np.random.default_rng(seed)
     rows, columns = np.mgrid[:height, :width].astype(float)
@@ -61,10 +65,16 @@ def edge_pair(*, width: int = 960, height: int = 640, noise: float = 1.0, seed: 
 
 
 def _surfaces(width: int, height: int) -> Iterator[tuple[Callable, Callable, float]]:
-    """Each surface: whether it covers a left pixel, its disparity by row, and its contrast; the farthest first."""
+    """Each surface: whether it covers a left pixel, its disparity by row, and its contrast; the
+    farthest first.
+    """
     yield (lambda y, x: np.ones_like(x, bool)), (lambda y: np.full_like(y, WALL_PX)), 1.0
     horizon = 0.7 * height
-    yield (lambda y, x: y > horizon), (lambda y: WALL_PX + FLOOR_SLOPE * np.maximum(y - horizon, 0)), 0.6
+    yield (
+        (lambda y, x: y > horizon),
+        (lambda y: WALL_PX + FLOOR_SLOPE * np.maximum(y - horizon, 0)),
+        0.6,
+    )
     for left, right, top, bottom, disparity, contrast in sorted(BOARDS, key=lambda board: board[4]):
         box = (left * width, right * width, top * height, bottom * height)
         yield (
@@ -74,9 +84,14 @@ def _surfaces(width: int, height: int) -> Iterator[tuple[Callable, Callable, flo
         )
 
 
-def _texture(rng: np.random.Generator, height: int, width: int, contrast: float) -> Float[np.ndarray, "h w2"]:
+def _texture(
+    rng: np.random.Generator, height: int, width: int, contrast: float
+) -> Float[np.ndarray, "h w2"]:
     """Fine and coarse blotches about a shade of the surface's own, wide enough for both views."""
-    fine, coarse = (size * gaussian_filter(rng.standard_normal((height, 2 * width)), size) for size in (1.0, 3.0))
+    fine, coarse = (
+        size * gaussian_filter(rng.standard_normal((height, 2 * width)), size)
+        for size in (1.0, 3.0)
+    )
     blotches = fine + coarse
     return rng.uniform(90, 160) + contrast * CONTRAST * blotches / blotches.std()
 
@@ -90,7 +105,11 @@ def _paint(
     rows: Float[np.ndarray, "h w"],
     left_columns: Float[np.ndarray, "h w"],
 ) -> None:
-    """Where the surface is inside and nearer than what is painted, its grey levels; it is seen at `left_columns`."""
+    """Where the surface is inside and nearer than what is painted, its grey levels; it is seen
+    at `left_columns`.
+    """
     nearest = inside & (disparity > front)
     front[nearest] = disparity[nearest]
-    image[nearest] = map_coordinates(texture, [rows[nearest], left_columns[nearest]], order=3, mode="nearest")
+    image[nearest] = map_coordinates(
+        texture, [rows[nearest], left_columns[nearest]], order=3, mode="nearest"
+    )

@@ -1,4 +1,6 @@
-"""A contact scan of a part of the true loop, with one force law in one set of circumstances: what came of it?"""
+"""A contact scan of a part of the true loop, with one force law in one set of circumstances:
+what came of it?
+"""
 
 import warnings
 from dataclasses import dataclass
@@ -33,7 +35,8 @@ from sim.truth import Truth
 from sim.wrist.wrench_errors import Quality, WrenchSensorConfig
 
 LOOP_TIME, LEAST_LENGTH = 5.0, 0.08
-"""A cell goes along the path for so long [s], and at least so far [m]: over the whole ramp of the surface error."""
+"""A cell goes along the path for so long [s], and at least so far [m]: over the whole ramp of the
+surface error."""
 CLEARANCE = 0.012
 """From which the skin is approached [m]; the window of the approach."""
 RAMP_START, RAMP_LENGTH = 0.01, 0.05
@@ -45,7 +48,8 @@ MASS_RADIUS, MASS_DEPTH = 0.010, 0.014
 SETTLED = 0.1
 """Share of the set-point within which the first contact counts as settled."""
 READING_HZ = 10.0
-"""Below this the sensor's errors reach the skin; above, the servo and the laws hold them off [Hz]."""
+"""Below this the sensor's errors reach the skin; above, the servo and the laws hold them off
+[Hz]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +85,9 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """True forces along the probe axis; what is asked of the loop is asked from 1 s after it starts."""
+    """True forces along the probe axis; what is asked of the loop is asked from 1 s after it
+    starts.
+    """
 
     cell: Cell
     ended: str
@@ -156,7 +162,9 @@ def run(cell: Cell) -> Outcome:
     scene = Scene(_scene_config(cell))
     tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
-    robot, log, ended = LateRobot(scene, tissue, motion.q_approach), [], ""
+    robot = LateRobot(scene, tissue, motion.q_approach)
+    log = []
+    ended = ""
     config = ContactConfig(law=cell.law, force=cell.force)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # where the tissue leaves its linear range is told apart
@@ -166,30 +174,45 @@ def run(cell: Cell) -> Outcome:
         except BreastScanError as error:
             ended = str(error)
     went, truth = execution.trajectory(log, motion, robot), robot.truth_log()
-    places = error_analysis.contact_places(went, truth, tissue, ground().truth) if cell.whole_loop else None
+    places = (
+        error_analysis.contact_places(went, truth, tissue, ground().truth)
+        if cell.whole_loop
+        else None
+    )
     return _judged(cell, ended, error_analysis.with_truth(went, truth, places))
 
 
 def _scene_config(cell: Cell) -> SceneConfig:
     layers = LayerConfig()
     if cell.mass_ratio != 1.0:
-        layers = LayerConfig(mass_radius=MASS_RADIUS, mass_ratio=cell.mass_ratio, mass_p_S=ground().mass_p_S)
+        layers = LayerConfig(
+            mass_radius=MASS_RADIUS, mass_ratio=cell.mass_ratio, mass_p_S=ground().mass_p_S
+        )
     return SceneConfig(
         phantom=PhantomConfig(young=cell.young, layers=layers),
         breathing=BreathingConfig(amplitude=cell.amplitude, rate=cell.rate, waveform=cell.waveform),
         servo=ServoConfig(lookahead_time=cell.lag - ServoConfig().transport + PERIOD),
-        wrist=WrenchSensorConfig(quality=cell.sensor, seed=cell.seed, pose_offset=None if cell.pose_offset else 0.0),
+        wrist=WrenchSensorConfig(
+            quality=cell.sensor, seed=cell.seed, pose_offset=None if cell.pose_offset else 0.0
+        ),
     )
 
 
 def _motion(cell: Cell, scene: Scene) -> Motion:
-    """The cell's part of the loop: about the inclusion where there is one, else where the seed says."""
+    """The cell's part of the loop: about the inclusion where there is one, else where the seed
+    says.
+    """
     whole = ground().motion
     total = float(whole.s[-1])
     length = total if cell.whole_loop else min(max(LEAST_LENGTH, LOOP_TIME * cell.speed), total)
     share = np.random.default_rng(cell.seed).uniform() if cell.mass_ratio == 1.0 else 0.5
     part = sections.section(
-        whole, scene.X_FP, start=share * (total - length), length=length, speed=cell.speed, clearance=CLEARANCE
+        whole,
+        scene.X_FP,
+        start=share * (total - length),
+        length=length,
+        speed=cell.speed,
+        clearance=CLEARANCE,
     )
     if cell.surface_error:
         depth = sections.ramp(part.s, cell.surface_error, start=RAMP_START, length=RAMP_LENGTH)
@@ -205,7 +228,9 @@ def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
     loop = np.flatnonzero(phase == Phase.LOOP)
     steady = loop[time[loop] - time[loop[0]] >= error_analysis.STEADY_AFTER] if loop.size else loop
     error = force[steady] - cell.force
-    before = np.flatnonzero((phase == Phase.SETTLE) & (np.arange(len(phase)) <= (loop[0] if loop.size else len(phase))))
+    before = np.flatnonzero(
+        (phase == Phase.SETTLE) & (np.arange(len(phase)) <= (loop[0] if loop.size else len(phase)))
+    )
     overshoot, settling = _contact(time[before], force[before], cell.force)
     tilt_deg = np.array([np.nan]) if went.true_tilt is None else np.degrees(went.true_tilt[steady])
     return Outcome(
@@ -220,12 +245,16 @@ def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
         overshoot=overshoot,
         settling=settling,
         tangential=_tangential(went),
-        tilt_deg=(float(tilt_deg.mean()), float(tilt_deg.max())) if tilt_deg.size else (np.nan, np.nan),
+        tilt_deg=(float(tilt_deg.mean()), float(tilt_deg.max()))
+        if tilt_deg.size
+        else (np.nan, np.nan),
         trace=error.astype(np.float32),
     )
 
 
-def _contact(time: Float[np.ndarray, "n"], force: Float[np.ndarray, "n"], set_point: float) -> tuple[float, float]:
+def _contact(
+    time: Float[np.ndarray, "n"], force: Float[np.ndarray, "n"], set_point: float
+) -> tuple[float, float]:
     """Overshoot [N] and settling time [s] of the first contact."""
     if not time.size:
         return np.nan, np.nan

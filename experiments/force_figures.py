@@ -49,7 +49,9 @@ def _draw_traces(path: Path, factors: Rows) -> None:
     axes = figure.subplots(len(SHOWN), 1, sharex=True)
     for axis, name in zip(axes, SHOWN, strict=True):
         for law, outcome in factors[name].items():
-            axis.plot(1.0 + PERIOD * np.arange(len(outcome.trace)), outcome.trace, lw=0.9, label=law)
+            axis.plot(
+                1.0 + PERIOD * np.arange(len(outcome.trace)), outcome.trace, lw=0.9, label=law
+            )
         axis.set(title=name, ylabel="force error [N]")
         axis.grid(alpha=0.3)
     axes[0].legend(ncols=6, fontsize=8)
@@ -66,7 +68,12 @@ def _draw_factors(path: Path, factors: Rows) -> None:
         shift = 0.12 * (number - 0.5 * (len(laws) - 1))
         outcomes = [by_law[law] for by_law in factors.values()]
         axis.plot([o.rmse for o in outcomes], places + shift, "o", ms=5, label=law)
-    axis.set(yticks=places, yticklabels=list(factors), xscale="log", xlabel="RMS of the true force error [N]")
+    axis.set(
+        yticks=places,
+        yticklabels=list(factors),
+        xscale="log",
+        xlabel="RMS of the true force error [N]",
+    )
     _plain_ticks(axis.xaxis)
     axis.invert_yaxis()
     axis.grid(alpha=0.3)
@@ -102,15 +109,21 @@ def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
                 shown = [o for o in outcomes if o.cell.sensor == sensor and o.inside == inside]
                 where = "" if inside else ", beyond 8 mm"
                 axis.plot(
-                    [scale * getattr(o.cell, name) for o in shown], [o.rmse for o in shown], marker, ms=4,
-                    label=f"{sensor}{where}", color={"ideal": "C0", "industrial": "C1", "ur5e_builtin": "C2"}[sensor],
-                )  # fmt: skip
+                    [scale * getattr(o.cell, name) for o in shown],
+                    [o.rmse for o in shown],
+                    marker,
+                    ms=4,
+                    label=f"{sensor}{where}",
+                    color={"ideal": "C0", "industrial": "C1", "ur5e_builtin": "C2"}[sensor],
+                )
         axis.set(xlabel=label, yscale="log")
         axis.grid(alpha=0.3, which="both")
     for axis in axes[:, 0]:
         axis.set_ylabel("RMS force error [N]")
         _plain_ticks(axis.yaxis)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3
+    )
     figure.savefig(path, dpi=DPI)
 
 

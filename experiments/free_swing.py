@@ -31,7 +31,8 @@ class Swing:
     time: Float[np.ndarray, "n"]
     """[s]"""
     drift: Float[np.ndarray, "n"]
-    """Change of the total energy since the start, over the largest kinetic energy of the swing [-]."""
+    """Change of the total energy since the start, over the largest kinetic energy of the swing
+    [-]."""
 
     @property
     def largest(self) -> float:
@@ -39,7 +40,9 @@ class Swing:
         return float(np.abs(self.drift).max())
 
 
-def swing(integrator: Literal["RK4", "Euler"], timestep: float, duration: float = DURATION) -> Swing:
+def swing(
+    integrator: Literal["RK4", "Euler"], timestep: float, duration: float = DURATION
+) -> Swing:
     """Let the arm swing for `duration` [s], in steps of `timestep` [s]."""
     model = _conservative()
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep
@@ -47,7 +50,8 @@ def swing(integrator: Literal["RK4", "Euler"], timestep: float, duration: float 
     data.qpos[:], data.qvel[:] = START_Q, START_QD
     time, energy = [], []
     for _ in range(round(duration / timestep / STEPS_BETWEEN)):
-        mujoco.mj_forward(model, data)  # the energy of this state, not of a stage within the last step
+        # the energy of this state, not of a stage within the last step
+        mujoco.mj_forward(model, data)
         time.append(data.time)
         energy.append(data.energy.copy())
         mujoco.mj_step(model, data, STEPS_BETWEEN)
@@ -60,8 +64,12 @@ def _conservative() -> mujoco.MjModel:
     root: Element = mjcf.RootElement()
     root.compiler.angle = "radian"
     root.option.gravity = GRAVITY_W
-    root.option.flag.set_attributes(actuation="disable", contact="disable", limit="disable", energy="enable")
+    root.option.flag.set_attributes(
+        actuation="disable", contact="disable", limit="disable", energy="enable"
+    )
     add_arm(root)
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
-    model.dof_damping[:], model.dof_frictionloss[:], model.body_gravcomp[:] = 0.0, 0.0, 0.0
+    model.dof_damping[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    model.body_gravcomp[:] = 0.0
     return model

@@ -1,9 +1,11 @@
-"""The reference for the soft phantom: full quadratic finite elements, large deformations, contact where it happens.
+"""The reference for the soft phantom: full quadratic finite elements, large deformations, contact
+where it happens.
 
-Shares nothing with `sim.tissue.soft` but the phantom's shape and the probe's face. The material is neo-Hookean (for
-small strains it is Hooke's), the equilibrium is that of the deformed body, and the traction acts along the normals of
-the probe's face wherever the displaced skin lies. The contact is a stiff penalty, the equations are solved by
-Newton's method, its linear systems by conjugate gradients with the linear elements as a coarse level.
+Shares nothing with `sim.tissue.soft` but the phantom's shape and the probe's face. The material is
+neo-Hookean (for small strains it is Hooke's), the equilibrium is that of the deformed body, and the
+traction acts along the normals of the probe's face wherever the displaced skin lies. The contact is
+a stiff penalty, the equations are solved by Newton's method, its linear systems by conjugate
+gradients with the linear elements as a coarse level.
 """
 
 from typing import no_type_check
@@ -33,7 +35,9 @@ NEAR = (0.045, 0.020, 0.030)
 
 
 class FullTissue:
-    """The breast in equilibrium with the probe; start with small depths and go deeper in steps of a millimetre."""
+    """The breast in equilibrium with the probe; start with small depths and go deeper in steps
+    of a millimetre.
+    """
 
     def __init__(self, phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float) -> None:
         """Mesh and prepare.
@@ -83,38 +87,73 @@ class FullTissue:
                 share /= 2
                 if share < SHORTEST:  # a contact that jumps makes the residual rise once
                     if not np.isfinite(trial).all():
-                        raise ArithmeticError("an element is turned inside out: go deeper in smaller steps")
+                        raise ArithmeticError(
+                            "an element is turned inside out: go deeper in smaller steps"
+                        )
                     break
             self.displacement_S = moved
-            residual, blocks, force_S = trial, trial_blocks, trial_force_S
-        raise ArithmeticError(f"no equilibrium after {NEWTON_STEPS} Newton steps: go deeper in smaller steps")
+            residual = trial
+            blocks = trial_blocks
+            force_S = trial_force_S
+        raise ArithmeticError(
+            f"no equilibrium after {NEWTON_STEPS} Newton steps: go deeper in smaller steps"
+        )
 
     def skin(self, X_SP: Float[np.ndarray, "4 4"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points of the smooth skin near the probe, undeformed and displaced, in S [m], and their areas [m^2]."""
-        moved_S = self._skin_S + np.einsum("fqa,fac->fqc", self._shapes, self.displacement_S[self._facets])
+        """Points of the smooth skin near the probe, undeformed and displaced, in S [m], and
+        their areas [m^2].
+        """
+        moved_S = self._skin_S + np.einsum(
+            "fqa,fac->fqc", self._shapes, self.displacement_S[self._facets]
+        )
         return self._skin_S.reshape(-1, 3), moved_S.reshape(-1, 3), self._areas.ravel()
 
     def _equations(
         self, displacement_S: Float[np.ndarray, "n 3"], X_SP: Float[np.ndarray, "4 4"]
     ) -> tuple[Float[np.ndarray, "m 3"], scipy.sparse.bsr_array, Float[np.ndarray, "3"]]:
-        """Unbalanced forces of the free nodes [N], their derivatives [N/m], and the force on the probe [N]."""
+        """Unbalanced forces of the free nodes [N], their derivatives [N/m], and the force on the
+        probe [N].
+        """
         residual, force_S = np.zeros_like(displacement_S), np.zeros(3)
         data = np.zeros((self._pattern.nnz, 3, 3))
         sound = _add_elastic(
-            residual, data, displacement_S, self._elements, self._places, self._gradients, self._weights, *self._lame,
-        )  # fmt: skip
+            residual,
+            data,
+            displacement_S,
+            self._elements,
+            self._places,
+            self._gradients,
+            self._weights,
+            *self._lame,
+        )
         if not sound:
             residual[:] = np.inf
         _add_contact(
-            residual, data, force_S, displacement_S, self._facets, self._facet_places, self._shapes, self._skin_S,
-            self._areas, self._face, X_SP, self._penalty,
-        )  # fmt: skip
+            residual,
+            data,
+            force_S,
+            displacement_S,
+            self._facets,
+            self._facet_places,
+            self._shapes,
+            self._skin_S,
+            self._areas,
+            self._face,
+            X_SP,
+            self._penalty,
+        )
         size = 3 * (len(self._pattern.indptr) - 1)
-        blocks = scipy.sparse.bsr_array((data, self._pattern.indices, self._pattern.indptr), shape=(size, size))
+        blocks = scipy.sparse.bsr_array(
+            (data, self._pattern.indices, self._pattern.indptr), shape=(size, size)
+        )
         return residual[self._free], blocks, force_S
 
-    def _prepare_contact(self, phantom: Phantom, mesh: skfem.MeshTet, X_SP: Float[np.ndarray, "4 4"]) -> None:
-        """Quadrature points of the skin near the probe; on the smooth surface, of which the facets are chords."""
+    def _prepare_contact(
+        self, phantom: Phantom, mesh: skfem.MeshTet, X_SP: Float[np.ndarray, "4 4"]
+    ) -> None:
+        """Quadrature points of the skin near the probe; on the smooth surface, of which the
+        facets are chords.
+        """
         facets = mesh.boundary_facets()
         corners = np.asarray(mesh.facets)[:, facets]
         middles_P = (mesh.p[:, corners].mean(axis=1).T - X_SP[:3, 3]) @ X_SP[:3, :3]
@@ -122,13 +161,17 @@ class FullTissue:
         basis = skfem.FacetBasis(mesh, skfem.ElementTetP2(), facets=facets[skin], intorder=5)
         self._facets = basis.element_dofs.T.astype(np.int64)
         self._facet_places = self._places[basis.tind]
-        self._shapes = np.ascontiguousarray(np.stack([np.asarray(b[0]) for b in basis.basis]).transpose(1, 2, 0))
+        self._shapes = np.ascontiguousarray(
+            np.stack([np.asarray(b[0]) for b in basis.basis]).transpose(1, 2, 0)
+        )
         self._areas = basis.dx
         ball = phantom.unembed(np.einsum("fqa,fac->fqc", self._shapes, self.nodes_S[self._facets]))
         self._skin_S = phantom.embed(ball / np.linalg.norm(ball, axis=2, keepdims=True))
 
 
-def _lame(phantom: Phantom, basis: skfem.Basis) -> tuple[Float[np.ndarray, "e q"], Float[np.ndarray, "e q"]]:
+def _lame(
+    phantom: Phantom, basis: skfem.Basis
+) -> tuple[Float[np.ndarray, "e q"], Float[np.ndarray, "e q"]]:
     """Lame's parameters [Pa] in every quadrature point."""
     config = phantom.config
     points_S = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
@@ -137,14 +180,20 @@ def _lame(phantom: Phantom, basis: skfem.Basis) -> tuple[Float[np.ndarray, "e q"
     return first * ratio, second * ratio
 
 
-def _block_pattern(numbers: Int[np.ndarray, "e 10"]) -> tuple[scipy.sparse.csr_array, Int[np.ndarray, "e 10 10"]]:
-    """Which free nodes meet in an element, and where each element's pairs stand among the blocks; -1 if clamped."""
+def _block_pattern(
+    numbers: Int[np.ndarray, "e 10"],
+) -> tuple[scipy.sparse.csr_array, Int[np.ndarray, "e 10 10"]]:
+    """Which free nodes meet in an element, and where each element's pairs stand among the
+    blocks; -1 if clamped.
+    """
     count = numbers.max() + 1
     rows, columns = np.broadcast_arrays(numbers[:, :, None], numbers[:, None, :])
     met = (rows >= 0) & (columns >= 0)
     pairs, places = np.unique(rows[met] * count + columns[met], return_inverse=True)
     indptr = np.searchsorted(pairs, np.arange(count + 1) * count)
-    pattern = scipy.sparse.csr_array((np.ones(len(pairs)), pairs % count, indptr), shape=(count, count))
+    pattern = scipy.sparse.csr_array(
+        (np.ones(len(pairs)), pairs % count, indptr), shape=(count, count)
+    )
     where = np.full(rows.shape, -1)
     where[met] = places
     return pattern, where
@@ -157,18 +206,25 @@ def _prolongation(mesh: skfem.MeshTet, free: np.ndarray) -> scipy.sparse.csr_arr
     rows = np.concatenate([np.arange(corners), middles, middles])
     columns = np.concatenate([np.arange(corners), *edges])
     values = np.concatenate([np.ones(corners), np.full(2 * len(middles), 0.5)])
-    return scipy.sparse.csr_array((values, (rows, columns)), shape=(len(free), corners))[free][:, free[:corners]]
+    return scipy.sparse.csr_array((values, (rows, columns)), shape=(len(free), corners))[free][
+        :, free[:corners]
+    ]
 
 
 @numba.njit(cache=True)
 @no_type_check
 def _add_elastic(residual, data, displacement, elements, places, gradients, weights, first, second):
-    """Add the elements' forces and their derivatives; False where an element is turned inside out."""
+    """Add the elements' forces and their derivatives; False where an element is turned inside
+    out.
+    """
     P, inverse = np.empty((3, 3)), np.empty((3, 3))
     for e in range(len(elements)):
         nodes = elements[e]
         for q in range(weights.shape[1]):
-            G, w, lam, mu = gradients[e, q], weights[e, q], first[e, q], second[e, q]
+            G = gradients[e, q]
+            w = weights[e, q]
+            lam = first[e, q]
+            mu = second[e, q]
             H = np.zeros((3, 3))
             for a in range(10):
                 for i in range(3):
@@ -184,7 +240,9 @@ def _add_elastic(residual, data, displacement, elements, places, gradients, weig
             g = G @ inverse
             for a in range(10):
                 for i in range(3):
-                    residual[nodes[a], i] += w * (P[i, 0] * G[a, 0] + P[i, 1] * G[a, 1] + P[i, 2] * G[a, 2])
+                    residual[nodes[a], i] += w * (
+                        P[i, 0] * G[a, 0] + P[i, 1] * G[a, 1] + P[i, 2] * G[a, 2]
+                    )
                 for b in range(10):
                     place = places[e, a, b]
                     if place < 0:
@@ -193,19 +251,27 @@ def _add_elastic(residual, data, displacement, elements, places, gradients, weig
                     for i in range(3):
                         data[place, i, i] += along
                         for k in range(3):
-                            data[place, i, k] += w * (mixed * g[a, k] * g[b, i] + lam * g[a, i] * g[b, k])
+                            data[place, i, k] += w * (
+                                mixed * g[a, k] * g[b, i] + lam * g[a, i] * g[b, k]
+                            )
     return True
 
 
 @numba.njit(cache=True)
 @no_type_check
-def _add_contact(residual, data, force, displacement, facets, places, shapes, skin, areas, face, X_SP, penalty):
-    """Add the forces of the skin that lies inside the probe, their derivatives, and their sum on the probe."""
+def _add_contact(
+    residual, data, force, displacement, facets, places, shapes, skin, areas, face, X_SP, penalty
+):
+    """Add the forces of the skin that lies inside the probe, their derivatives, and their sum on
+    the probe.
+    """
     for f in range(len(facets)):
         nodes = facets[f]
         for q in range(areas.shape[1]):
             N = shapes[f, q]
-            x, y, z = skin[f, q, 0], skin[f, q, 1], skin[f, q, 2]
+            x = skin[f, q, 0]
+            y = skin[f, q, 1]
+            z = skin[f, q, 2]
             for a in range(10):
                 x += N[a] * displacement[nodes[a], 0]
                 y += N[a] * displacement[nodes[a], 1]

@@ -1,4 +1,6 @@
-"""How far is the soft phantom's answer from full finite elements with large deformations, and where does that end?"""
+"""How far is the soft phantom's answer from full finite elements with large deformations, and
+where does that end?
+"""
 
 from dataclasses import dataclass
 
@@ -34,7 +36,8 @@ class Indentation:
     soft: Float[np.ndarray, "n"]
     """The same by the soft phantom [N]."""
     surface_rmse: float
-    """Distance of the skin by full finite elements from the soft phantom's, under the probe at `SET_POINT` [m]."""
+    """Distance of the skin by full finite elements from the soft phantom's, under the probe at
+    `SET_POINT` [m]."""
     displacement_rmse: float
     """Distance of its points from the soft phantom's same points, there [m]."""
 
@@ -44,7 +47,9 @@ class Indentation:
         return self.soft / self.full - 1
 
 
-def pose(phantom: Phantom, azimuth: float, depth: float, height: float = 0.5, spin: float = 0.0) -> np.ndarray:
+def pose(
+    phantom: Phantom, azimuth: float, depth: float, height: float = 0.5, spin: float = 0.0
+) -> np.ndarray:
     """X_SP of a probe square on the skin, its face `depth` [m] below it.
 
     Args:
@@ -73,7 +78,9 @@ def axial_force(mechanics: Mechanics, X_SP: Float[np.ndarray, "4 4"]) -> float:
     return -float(mechanics.press(X_SP, REST).force_S @ X_SP[:3, 2])
 
 
-def against_full(phantom: Phantom, soft: SoftTissue, azimuth: float, depths: Float[np.ndarray, "n"]) -> Indentation:
+def against_full(
+    phantom: Phantom, soft: SoftTissue, azimuth: float, depths: Float[np.ndarray, "n"]
+) -> Indentation:
     """Press one place of the half-height loop by both; takes minutes."""
     reference = FullTissue(phantom, pose(phantom, azimuth, 0.0), FINEST)
     full, surface = [], (np.nan, np.nan)
@@ -85,27 +92,37 @@ def against_full(phantom: Phantom, soft: SoftTissue, azimuth: float, depths: Flo
             X_SP, deep_S = pose(phantom, azimuth, at), reference.displacement_S
             reference.press(X_SP)
             surface = _surfaces(phantom, soft, reference, X_SP)
-            reference.displacement_S = deep_S  # from the shallower place the next step would be too large
+            # from the shallower place the next step would be too large
+            reference.displacement_S = deep_S
     forces = [axial_force(soft, pose(phantom, azimuth, depth)) for depth in depths]
     return Indentation(
-        full=np.array(full), soft=np.array(forces), surface_rmse=surface[0], displacement_rmse=surface[1]
+        full=np.array(full),
+        soft=np.array(forces),
+        surface_rmse=surface[0],
+        displacement_rmse=surface[1],
     )
 
 
 def _surfaces(
     phantom: Phantom, soft: SoftTissue, reference: FullTissue, X_SP: Float[np.ndarray, "4 4"]
 ) -> tuple[float, float]:
-    """RMS distances [m] under the probe: of the reference's skin from the soft skin, and of the same points."""
+    """RMS distances [m] under the probe: of the reference's skin from the soft skin, and of the
+    same points.
+    """
     before_S, now_S, areas = reference.skin(X_SP)
     under = (np.abs((now_S - X_SP[:3, 3]) @ X_SP[:3, :2]) < UNDER).all(axis=1)
-    before_S, now_S, areas = before_S[under], now_S[under], areas[under]
+    before_S = before_S[under]
+    now_S = now_S[under]
+    areas = areas[under]
     soft.press(X_SP, REST)
     deformed_S, skin = soft.deformed_skin(), phantom.skin
     triangles, weights, _ = _closest(skin.vertices_S[skin.triangles], before_S)
     same_S = np.einsum("nk,nkc->nc", weights, deformed_S[skin.triangles[triangles]])
     _, _, away = _closest(deformed_S[skin.triangles], now_S)
     squared = np.linalg.norm(now_S - same_S, axis=1) ** 2
-    return float(np.sqrt(np.average(away**2, weights=areas))), float(np.sqrt(np.average(squared, weights=areas)))
+    return float(np.sqrt(np.average(away**2, weights=areas))), float(
+        np.sqrt(np.average(squared, weights=areas))
+    )
 
 
 def _closest(
@@ -113,8 +130,14 @@ def _closest(
 ) -> tuple[np.ndarray, np.ndarray, Float[np.ndarray, "n"]]:
     """The triangle closest to each point, barycentric coordinates there, and its distance [m]."""
     near = np.asarray(KDTree(corners_S.mean(axis=1)).query(p_S, CANDIDATES)[1])
-    closest_S = trimesh.triangles.closest_point(corners_S[near.ravel()], np.repeat(p_S, CANDIDATES, axis=0))
+    closest_S = trimesh.triangles.closest_point(
+        corners_S[near.ravel()], np.repeat(p_S, CANDIDATES, axis=0)
+    )
     away = np.linalg.norm(closest_S.reshape(-1, CANDIDATES, 3) - p_S[:, None], axis=2)
     best = np.arange(len(p_S)) * CANDIDATES + away.argmin(axis=1)
     triangles = near.ravel()[best]
-    return triangles, trimesh.triangles.points_to_barycentric(corners_S[triangles], closest_S[best]), away.min(axis=1)
+    return (
+        triangles,
+        trimesh.triangles.points_to_barycentric(corners_S[triangles], closest_S[best]),
+        away.min(axis=1),
+    )

@@ -1,4 +1,6 @@
-"""What the joints do along a loop, as the paper draws it: all six over time, one column a walk [Zhang, Fig. 19]."""
+"""What the joints do along a loop, as the paper draws it: all six over time, one column a walk
+[Zhang, Fig. 19].
+"""
 
 from pathlib import Path
 
@@ -19,10 +21,14 @@ DPI = 80
 
 
 def write(folder: Path, walks: list[Walk]) -> list[str]:
-    """Write one figure a loop and one of the peaks, as PNG and SVG; their names, without the ending."""
+    """Write one figure a loop and one of the peaks, as PNG and SVG; their names, without the
+    ending.
+    """
     figures = {}
     for loop in dict.fromkeys(walk.loop for walk in walks):
-        figures["joints_" + loop.replace(",", "").replace(" ", "_")] = over_time([w for w in walks if w.loop == loop])
+        figures["joints_" + loop.replace(",", "").replace(" ", "_")] = over_time(
+            [w for w in walks if w.loop == loop]
+        )
     figures["joint_speed_peaks"] = speed_peaks(walks)
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
@@ -31,14 +37,24 @@ def write(folder: Path, walks: list[Walk]) -> list[str]:
 
 
 def over_time(walks: list[Walk]) -> Figure:
-    """Angle, speed and acceleration of all joints: the MuJoCo arm's in colour, the planned ones dashed over them."""
+    """Angle, speed and acceleration of all joints: the MuJoCo arm's in colour, the planned ones
+    dashed over them.
+    """
     figure, axes = theme.panels(3, len(walks), height_in=6.4, sharex=True, sharey="row")
     for column, walk in zip(axes.T, walks, strict=True):
         theme.title(column[0], walk.name)
         column[-1].set_xlabel("time [s]")
         if walk.planned is None or walk.q is None or walk.qd is None:
-            column[0].text(0.5, 0.5, _refusal(walk), transform=column[0].transAxes, ha="center", va="center",
-                           fontsize=8, color=theme.MUTED)  # fmt: skip
+            column[0].text(
+                0.5,
+                0.5,
+                _refusal(walk),
+                transform=column[0].transAxes,
+                ha="center",
+                va="center",
+                fontsize=8,
+                color=theme.MUTED,
+            )
             continue
         q_plan = walk.planned.q
         qd_plan = walk.planned.qd
@@ -53,10 +69,14 @@ def over_time(walks: list[Walk]) -> Figure:
                 axis.plot(time[SHOWN], np.degrees(went[SHOWN, joint]), color=colour, linewidth=1.4,
                           label=f"joint {JOINTS[joint]}")  # fmt: skip
                 axis.plot(time[SHOWN], np.degrees(planned[SHOWN, joint]), **theme.PLANNED_LINE)
-    for axis, label in zip(axes[:, 0], ("angle [°]", "speed [°/s]", "acceleration [°/s²]"), strict=True):
+    for axis, label in zip(
+        axes[:, 0], ("angle [°]", "speed [°/s]", "acceleration [°/s²]"), strict=True
+    ):
         axis.set_ylabel(label)
     lines = next(c[0].get_lines()[::2] for c in axes.T if c[0].get_lines())
-    figure.legend(handles=lines, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5)
+    figure.legend(
+        handles=lines, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5
+    )
     return figure
 
 
@@ -69,17 +89,32 @@ def speed_peaks(walks: list[Walk]) -> Figure:
         for place, walk in enumerate(of_loop):
             if walk.qd is None:
                 axis.text(
-                    place, 0.5, "unreachable", rotation=90, ha="center", va="bottom", color=theme.MUTED, fontsize=8
+                    place,
+                    0.5,
+                    "unreachable",
+                    rotation=90,
+                    ha="center",
+                    va="bottom",
+                    color=theme.MUTED,
+                    fontsize=8,
                 )
                 continue
             peaks = np.degrees(np.abs(walk.qd).max(axis=0))
             axis.bar(place + 0.13 * (np.arange(6) - 2.5), peaks, width=0.12, color=COLOURS)
         axis.set_xlim(-0.5, len(of_loop) - 0.5)
-        axis.set_xticks(range(len(of_loop)), [walk.name.replace(", ", "\n").replace(" mount", "") for walk in of_loop])
+        axis.set_xticks(
+            range(len(of_loop)),
+            [walk.name.replace(", ", "\n").replace(" mount", "") for walk in of_loop],
+        )
         axis.tick_params(labelsize=8)
         theme.title(axis, loop)
-    handles = [Patch(color=colour, label=f"joint {name}") for colour, name in zip(COLOURS, JOINTS, strict=True)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5)
+    handles = [
+        Patch(color=colour, label=f"joint {name}")
+        for colour, name in zip(COLOURS, JOINTS, strict=True)
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5
+    )
     axes[0, 0].set_ylabel(f"largest speed [°/s], limit {SPEED_LIMIT_DEG_S:.0f}")
     return figure
 
@@ -88,5 +123,7 @@ def _refusal(walk: Walk) -> str:
     """Why there are no curves: the first few points that cannot be reached."""
     few = [point.split(" (")[0] for point in walk.unreachable]
     return "no path:\n" + (
-        "\n".join([", ".join(few[:6]), ", ".join(few[6:])]) + "\nunreachable" if few else "see table"
+        "\n".join([", ".join(few[:6]), ", ".join(few[6:])]) + "\nunreachable"
+        if few
+        else "see table"
     )

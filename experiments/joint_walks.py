@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""Loops, and the MuJoCo arm that walks them: with a fixed or a free spin, the probe straight or bent on the flange."""
+"""Loops, and the MuJoCo arm that walks them: with a fixed or a free spin, the probe straight or
+bent on the flange.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -51,7 +53,9 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class Walk:
-    """One loop with one mount and one freedom of the spin: as planned, and as the MuJoCo arm went."""
+    """One loop with one mount and one freedom of the spin: as planned, and as the MuJoCo arm
+    went.
+    """
 
     loop: str
     mount_deg: float
@@ -68,7 +72,8 @@ class Walk:
     qd: Float[np.ndarray, "n 6"] | None = None
     """Its joint speeds [rad/s]."""
     resampled: tuple[float, float] | None = None
-    """By how much the largest joint acceleration and jerk change if sampled every 1 ms instead of 2 [%]."""
+    """By how much the largest joint acceleration and jerk change if sampled every 1 ms instead of 2
+    [%]."""
 
     @property
     def name(self) -> str:
@@ -78,14 +83,22 @@ class Walk:
 
 def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
     """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
-    scene = Scene(SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False)))
-    config = JointPathConfig(spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS)
+    scene = Scene(
+        SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False))
+    )
+    config = JointPathConfig(
+        spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS
+    )
     clearances = Clearance(cell_of(scene)) if loop.in_twin else None
     lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
     try:
-        planned, _ = motion.plan(loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances)
+        planned, _ = motion.plan(
+            loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances
+        )
     except PlanningError as error:
-        return Walk(loop=loop.name, mount_deg=mount_deg, spin=spin, refused=str(error), unreachable=lost)
+        return Walk(
+            loop=loop.name, mount_deg=mount_deg, spin=spin, refused=str(error), unreachable=lost
+        )
     if not loop.in_twin:  # the twin's table would be in the way
         scene.physics.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     q, qd = _executed(SimRobot(scene, q=planned.q[0]), planned)
@@ -104,7 +117,9 @@ def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
 
 
 def fluctuations(walked: list[Loop]) -> list[dict[str, object]]:
-    """Speed fluctuation and chord error of every interpolation method on every loop, and how well the seam closes."""
+    """Speed fluctuation and chord error of every interpolation method on every loop, and how
+    well the seam closes.
+    """
     rows = []
     for loop, step in product(walked, get_args(Step)):
         feed = feedrate.interpolate(loop.path.curve, FeedrateLimits(speed=0.025, step=step), PERIOD)
@@ -119,19 +134,26 @@ def fluctuations(walked: list[Loop]) -> list[dict[str, object]]:
 
 
 def loops(seed: int) -> Iterator[Loop]:
-    """The true half-height loop of the twin's phantom, and the paper's points with either kind of normals."""
+    """The true half-height loop of the twin's phantom, and the paper's points with either kind
+    of normals.
+    """
     scene = Scene(SceneConfig(phantom=PhantomConfig(seed=seed)))
     contour_S = scene.phantom.level_loop(scene.phantom.height / 2, DENSE_POINTS)
     points_S = contour_S[np.arange(LOOP_POINTS) * DENSE_POINTS // LOOP_POINTS]
     normals_S = scene.phantom.normal(scene.phantom.unembed(points_S))
     twin = Path(points_B=points_S + scene.X_BS[:3, 3], normals_B=normals_S)
     yield Loop(name="twin", path=twin, table_height=0.0, in_twin=True)
-    for name, path in (("paper, dome normals", paper_loop.dome()), ("paper, vertical normals", paper_loop.vertical())):
+    for name, path in (
+        ("paper, dome normals", paper_loop.dome()),
+        ("paper, vertical normals", paper_loop.vertical()),
+    ):
         yield Loop(name=name, path=path, table_height=paper_loop.TABLE_HEIGHT, in_twin=False)
 
 
 def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the servo's lag."""
+    """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the
+    servo's lag.
+    """
     late = round(robot.servo_lag / robot.period)
     states = []
     for target in [*planned.q, *late * [planned.q[-1]]]:
@@ -144,12 +166,15 @@ def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]
 def _resampled(coarse: Motion, fine: Motion, config: JointPathConfig) -> tuple[float, float]:
     _, _, *coarse_uses = joint_limits.limit_uses(coarse.q, PERIOD, config)
     _, _, *fine_uses = joint_limits.limit_uses(fine.q, PERIOD / 2, config)
-    acceleration, jerk = (100.0 * abs(f.share / c.share - 1.0) for c, f in zip(coarse_uses, fine_uses, strict=True))
+    acceleration, jerk = (
+        100.0 * abs(f.share / c.share - 1.0) for c, f in zip(coarse_uses, fine_uses, strict=True)
+    )
     return acceleration, jerk
 
 
 def _seam(path: Path) -> dict[str, float]:
-    """Relative jump of tangent and curvature where the curve closes: from the last span's end to the first's start.
+    """Relative jump of tangent and curvature where the curve closes: from the last span's end to
+    the first's start.
 
     Evaluated from the spans' polynomials, because the curve itself takes its end for its start.
     """
@@ -159,7 +184,9 @@ def _seam(path: Path) -> dict[str, float]:
     )
     return {
         "seam_tangent": float(np.linalg.norm(tangents[0] - tangents[1])),
-        "seam_curvature": float(np.linalg.norm(curvatures[0] - curvatures[1]) / np.linalg.norm(curvatures[0])),
+        "seam_curvature": float(
+            np.linalg.norm(curvatures[0] - curvatures[1]) / np.linalg.norm(curvatures[0])
+        ),
     }
 
 

@@ -1,4 +1,6 @@
-"""A tetrahedral mesh of the phantom that is fine under the probe and coarse elsewhere, for reference solutions."""
+"""A tetrahedral mesh of the phantom that is fine under the probe and coarse elsewhere, for
+reference solutions.
+"""
 
 import logging
 
@@ -20,24 +22,32 @@ ROUNDS = 12
 
 
 def local_mesh(phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float) -> skfem.MeshTet:
-    """Bisect the phantom's tetrahedra until no edge at the probe's face is longer than `finest` [m].
+    """Bisect the phantom's tetrahedra until no edge at the probe's face is longer than `finest`
+    [m].
 
     New points on the skin are put on the smooth surface, so the shape converges with the mesh.
     """
-    logging.getLogger("skfem.mesh.mesh").setLevel(logging.ERROR)  # it tells of every copy that refining makes
+    # it tells of every copy that refining makes
+    logging.getLogger("skfem.mesh.mesh").setLevel(logging.ERROR)
     coarse = mesh_phantom(phantom, COARSE_POINTS)
-    mesh = skfem.MeshTet(np.ascontiguousarray(coarse.direction.T), np.ascontiguousarray(coarse.tetrahedra.T))
+    mesh = skfem.MeshTet(
+        np.ascontiguousarray(coarse.direction.T), np.ascontiguousarray(coarse.tetrahedra.T)
+    )
     X_PS = se3.inverse(X_SP)
     for _ in range(ROUNDS):
         _onto_sphere(mesh)
         corners_P = se3.transform(X_PS, phantom.embed(mesh.p.T))[mesh.t]
-        edges = [np.linalg.norm(corners_P[i] - corners_P[j], axis=1) for i in range(4) for j in range(i)]
+        edges = [
+            np.linalg.norm(corners_P[i] - corners_P[j], axis=1) for i in range(4) for j in range(i)
+        ]
         too_long = np.max(edges, axis=0) > finest + GROWTH * _from_face(corners_P.mean(axis=0))
         if not too_long.any():
             break
         mesh = mesh.refined(np.flatnonzero(too_long))
     _onto_sphere(mesh)
-    return skfem.MeshTet(np.ascontiguousarray(phantom.embed(mesh.p.T).T), np.ascontiguousarray(mesh.t))
+    return skfem.MeshTet(
+        np.ascontiguousarray(phantom.embed(mesh.p.T).T), np.ascontiguousarray(mesh.t)
+    )
 
 
 def _from_face(p_P: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:

@@ -1,4 +1,6 @@
-"""OpenCV's semi-global matcher, set as its documentation advises: the peer that benchmarks compare with."""
+"""OpenCV's semi-global matcher, set as its documentation advises: the peer that benchmarks
+compare with.
+"""
 
 import cv2
 import numpy as np
@@ -8,7 +10,9 @@ BLOCK = 5
 """Side of the matching block [px]; OpenCV's documentation derives both penalties from it."""
 SUBPIXELS = 16
 """OpenCV's disparities are whole sixteenths of a pixel."""
-UNIQUENESS_PERCENT, SPECKLE_PX, SPECKLE_STEP_PX = 10, 100, 2
+UNIQUENESS_PERCENT = 10
+SPECKLE_PX = 100
+SPECKLE_STEP_PX = 2
 """How OpenCV's own sample has its matcher reject what is doubtful."""
 
 
@@ -26,7 +30,10 @@ def opencv_matcher(min_disparity: int, num_disparities: int, mode: int) -> cv2.S
 
 
 def opencv_disparity(
-    left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], min_disparity: int, num_disparities: int
+    left: UInt8[np.ndarray, "h w"],
+    right: UInt8[np.ndarray, "h w"],
+    min_disparity: int,
+    num_disparities: int,
 ) -> Float32[np.ndarray, "h w"]:
     """Disparity of its eight-path mode, doubtful matches rejected [px], NaN where unknown."""
     matcher = opencv_matcher(min_disparity, num_disparities, cv2.StereoSGBM_MODE_HH)

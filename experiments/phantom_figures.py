@@ -1,4 +1,6 @@
-"""How the phantom behaves, drawn: indentation, ripple, layers, breathing; and a sheet of the whole family."""
+"""How the phantom behaves, drawn: indentation, ripple, layers, breathing; and a sheet of the
+whole family.
+"""
 
 from contextlib import closing
 from pathlib import Path
@@ -74,37 +76,55 @@ def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray])
         force.plot(depths_mm, values, style, color=theme.MUTED, linewidth=1.3, label=name)
     force.set(xlabel="indentation [mm]", ylabel="force along the probe [N]", ylim=(0, 10))
     force.legend(frameon=False, fontsize=8)
-    theme.title(force, f"Lines: the soft phantom; dots: full elements, {1e3 * FINEST:.0f} mm, large strain")
+    theme.title(
+        force, f"Lines: the soft phantom; dots: full elements, {1e3 * FINEST:.0f} mm, large strain"
+    )
     for depth_mm, bar in ((5, 5), (8, 10)):
         start = 0 if bar == 5 else 5
         for sign in (-1, 1):
-            error.plot([start, depth_mm], [sign * bar, sign * bar], color=theme.MUTED, linewidth=1.0, linestyle=":")
+            error.plot(
+                [start, depth_mm],
+                [sign * bar, sign * bar],
+                color=theme.MUTED,
+                linewidth=1.0,
+                linestyle=":",
+            )
     error.set(xlabel="indentation [mm]", ylabel="error of the force [%]", ylim=(-11, 11))
     theme.title(error, "Soft phantom over full elements; dotted: what is allowed")
     return figure
 
 
-def _slides(slides: dict[tuple[float, int], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
+def _slides(
+    slides: dict[tuple[float, int], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]
+) -> Figure:
     figure, axes = theme.panels(1, 3, height_in=3.4)
     spectrum, inclusion, breath = axes[0]
-    for colour, spin, name in zip(COLOURS, (0, 90), ("array along the way", "array across it"), strict=False):
+    for colour, spin, name in zip(
+        COLOURS, (0, 90), ("array along the way", "array across it"), strict=False
+    ):
         slide = slides[0.5, spin]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
         wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
         spectrum.loglog(wavelength_mm[1:], amplitude[1:], color=colour, linewidth=1.0, label=name)
     spectrum.axvline(1e3 * LONGEST_RIPPLE, color=theme.MUTED, linewidth=1.0, linestyle=":")
-    spectrum.set(xlabel="wavelength [mm]", ylabel="force, RMS of a line [N]", xlim=(400, 0.6), ylim=(1e-6, 1))
+    spectrum.set(
+        xlabel="wavelength [mm]", ylabel="force, RMS of a line [N]", xlim=(400, 0.6), ylim=(1e-6, 1)
+    )
     spectrum.legend(frameon=False, fontsize=8)
     theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
     for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
         inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.05))
+    inclusion.set(
+        xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.05)
+    )
     inclusion.legend(frameon=False, fontsize=8, loc="upper right")
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)
     for colour, waveform in zip(COLOURS, get_args(Waveform), strict=False):
         config = BreathingConfig(amplitude=0.005, waveform=waveform)
-        breath.plot(time, [1e3 * rise(config, t) for t in time], color=colour, linewidth=1.6, label=waveform)
+        breath.plot(
+            time, [1e3 * rise(config, t) for t in time], color=colour, linewidth=1.6, label=waveform
+        )
     breath.set(xlabel="time [s]", ylabel="rise of the chest [mm]")
     breath.legend(frameon=False, fontsize=8)
     theme.title(breath, "Breathing, amplitude 5 mm, .25 Hz")
@@ -138,17 +158,24 @@ def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w
     scene = Scene(SceneConfig(phantom=PhantomConfig(breast=breast, texture=texture)))
     phantom, (x, y, z) = scene.phantom, scene.config.p_BS
     view = View(
-        target_B=(x, y, z + phantom.height / 2), distance=3.6 * phantom.radius, azimuth_deg=118.0, elevation_deg=-32.0
+        target_B=(x, y, z + phantom.height / 2),
+        distance=3.6 * phantom.radius,
+        azimuth_deg=118.0,
+        elevation_deg=-32.0,
     )
     size = (TILE_PX[0] * DRAWN_OVER_TILE, TILE_PX[1] * DRAWN_OVER_TILE)
     with closing(Picture(scene, *size)) as picture:
         tiles = []
         for mechanics in get_args(Mechanics):
             X_SP = pose(phantom, SHEET_AZIMUTH, SHEET_DEPTH[mechanics])
-            solid = build_mechanics(Phantom(PhantomConfig(breast=breast, texture=texture, mechanics=mechanics)))
+            solid = build_mechanics(
+                Phantom(PhantomConfig(breast=breast, texture=texture, mechanics=mechanics))
+            )
             solid.press(X_SP, REST)
             solutions = kinematics.inverse(scene.X_BS @ X_SP @ se3.inverse(scene.X_FP))
             turns = (solutions - HOME_Q + np.pi) % (2 * np.pi) - np.pi
             picture.arrange(solutions[np.abs(turns).max(axis=1).argmin()], solid.deformed_skin())
-            tiles.append(cv2.resize(picture.draw(view.camera()), TILE_PX, interpolation=cv2.INTER_AREA))
+            tiles.append(
+                cv2.resize(picture.draw(view.camera()), TILE_PX, interpolation=cv2.INTER_AREA)
+            )
     return tiles

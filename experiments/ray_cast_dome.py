@@ -1,7 +1,9 @@
-"""An exact stereo pair of a breast-like dome, cast ray by ray without a renderer: ground truth for the vision code.
+"""An exact stereo pair of a breast-like dome, cast ray by ray without a renderer: ground truth for
+the vision code.
 
-A spherical cap stands on a flat chest plate above a table. The cameras are ideal, rectified pinholes that look straight
-down on it. All three surfaces carry one texture, laid out along arc length so that it is not stretched.
+A spherical cap stands on a flat chest plate above a table. The cameras are ideal, rectified
+pinholes that look straight down on it. All three surfaces carry one texture, laid out along arc
+length so that it is not stretched.
 """
 
 from collections.abc import Callable
@@ -67,7 +69,9 @@ class DomeScene:
     @property
     def sphere_centre(self) -> Float[np.ndarray, "3"]:
         """Centre of that sphere in L [m]; the dome stands midway between the cameras."""
-        return np.array([self.baseline / 2, 0.0, self.plate_distance - self.dome_height + self.sphere_radius])
+        return np.array(
+            [self.baseline / 2, 0.0, self.plate_distance - self.dome_height + self.sphere_radius]
+        )
 
     @cached_property
     def points(self) -> Float[np.ndarray, "h w 3"]:
@@ -86,7 +90,9 @@ class DomeScene:
 
     @property
     def seen_twice(self) -> Bool[np.ndarray, "h w"]:
-        """Left pixels whose surface point the right camera sees too, unhidden and inside its image."""
+        """Left pixels whose surface point the right camera sees too, unhidden and inside its
+        image.
+        """
         right_centre = np.array([self.baseline, 0.0, 0.0])
         rays = self.points - right_centre
         hits = self._cast(right_centre, rays / rays[..., 2:])
@@ -94,10 +100,13 @@ class DomeScene:
         return (np.abs(hits - self.points).max(axis=-1) < 1e-6) & (columns >= 0)
 
     def pair(self, *, noise: float = 1.0, seed: int = 0) -> RectifiedPair:
-        """Both views with normal noise of standard deviation `noise` [grey levels], rounded to 8 bit."""
+        """Both views with normal noise of standard deviation `noise` [grey levels], rounded to 8
+        bit.
+        """
         rng = np.random.default_rng(seed)
         left, right = (
-            _quantised(view + noise * rng.standard_normal(view.shape)) for view in (self._left_view, self._right_view)
+            _quantised(view + noise * rng.standard_normal(view.shape))
+            for view in (self._left_view, self._right_view)
         )
         return RectifiedPair(
             left=left,
@@ -132,7 +141,9 @@ class DomeScene:
         y = (np.arange(self.height_px) + dy - self.centre_px[1]) / self.focal_px
         return np.stack(np.broadcast_arrays(x, y[:, None], 1.0), axis=-1)
 
-    def _cast(self, eye: Float[np.ndarray, "3"], rays: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
+    def _cast(
+        self, eye: Float[np.ndarray, "3"], rays: Float[np.ndarray, "h w 3"]
+    ) -> Float[np.ndarray, "h w 3"]:
         """First surface point in L along each ray [m]."""
         to_centre = self.sphere_centre - eye
         along = rays @ to_centre
@@ -141,17 +152,24 @@ class DomeScene:
         depth = (along - np.sqrt(np.maximum(inside, 0.0))) / squared
         on_plate = eye + self.plate_distance * rays
         offset = np.abs(on_plate[..., :2] - self.sphere_centre[:2])
-        beyond = np.where(np.all(offset <= np.array(self.plate_size) / 2, axis=-1), 0.0, self.table_drop)
+        beyond = np.where(
+            np.all(offset <= np.array(self.plate_size) / 2, axis=-1), 0.0, self.table_drop
+        )
         hits_dome = (inside > 0.0) & (depth < self.plate_distance)
         return eye + rays * np.where(hits_dome, depth, self.plate_distance + beyond)[..., None]
 
-    def _grey(self, points: Float[np.ndarray, "h w 3"], texture: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "h w"]:
+    def _grey(
+        self, points: Float[np.ndarray, "h w 3"], texture: Float[np.ndarray, "n n"]
+    ) -> Float[np.ndarray, "h w"]:
         """Grey level of surface points under a lamp beside the camera."""
         from_axis = points[..., :2] - self.sphere_centre[:2]
         radius = np.hypot(from_axis[..., 0], from_axis[..., 1])
         sine = np.minimum(radius, self.dome_radius) / self.sphere_radius
         arc = self.sphere_radius * np.arcsin(sine) + np.maximum(radius - self.dome_radius, 0.0)
-        cells = from_axis * (arc / np.maximum(radius, 1e-12) / TEXTURE_PITCH)[..., None] + TEXTURE_CELLS / 2
+        cells = (
+            from_axis * (arc / np.maximum(radius, 1e-12) / TEXTURE_PITCH)[..., None]
+            + TEXTURE_CELLS / 2
+        )
         u, v = np.moveaxis(cells.astype(np.float32), -1, 0)
         grain = cv2.remap(texture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         dome = points[..., 2] < self.plate_distance - 1e-9
@@ -160,7 +178,9 @@ class DomeScene:
 
 
 def _speckle_spectrum(frequency: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-    return np.exp(-0.5 * (frequency * FINEST_GRAIN) ** 2) - np.exp(-0.5 * (frequency * COARSEST_GRAIN) ** 2)
+    return np.exp(-0.5 * (frequency * FINEST_GRAIN) ** 2) - np.exp(
+        -0.5 * (frequency * COARSEST_GRAIN) ** 2
+    )
 
 
 def _skin_spectrum(frequency: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
@@ -178,7 +198,10 @@ def grains(
     """Periodic noise of this amplitude spectrum, of zero mean and unit standard deviation."""
     rng = np.random.default_rng(seed)
     noise = np.fft.rfft2(rng.standard_normal((TEXTURE_CELLS, TEXTURE_CELLS)))
-    down, across = np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_PITCH), np.fft.rfftfreq(TEXTURE_CELLS, TEXTURE_PITCH)
+    down, across = (
+        np.fft.fftfreq(TEXTURE_CELLS, TEXTURE_PITCH),
+        np.fft.rfftfreq(TEXTURE_CELLS, TEXTURE_PITCH),
+    )
     amplitude = spectrum(2 * np.pi * np.hypot(down[:, None], across))
     amplitude[0, 0] = 0.0
     texture = np.fft.irfft2(noise * amplitude, s=(TEXTURE_CELLS, TEXTURE_CELLS))

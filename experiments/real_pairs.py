@@ -1,7 +1,7 @@
 """Photographed stereo pairs whose disparity was measured with structured light: Middlebury's.
 
-None is shipped here. One, Motorcycle of 2014, lies in an old release of scikit-image, which pip fetches; others are
-read from folders as Middlebury packs them.
+None is shipped here. One, Motorcycle of 2014, lies in an old release of scikit-image, which pip
+fetches; others are read from folders as Middlebury packs them.
 """
 
 import subprocess
@@ -23,7 +23,8 @@ SCIKIT_IMAGE = "scikit-image==0.17.2"
 PIP_OPTIONS = ("--no-deps", "--python-version", "3.8", "--only-binary", ":all:", "--quiet")
 MOTORCYCLE = ("motorcycle_left.png", "motorcycle_right.png", "motorcycle_disp.npz")
 LAYOUTS = (("im0.png", "im1.png", "disp0.pfm"), ("view1.png", "view5.png", "disp1.png"))
-"""Left image, right image and left disparity [px], as in the sets of 2014 and of 2005/2006 (full size)."""
+"""Left image, right image and left disparity [px], as in the sets of 2014 and of 2005/2006 (full
+size)."""
 
 
 def motorcycle() -> EdgePair:
@@ -59,13 +60,25 @@ def middlebury(folder: Path) -> EdgePair:
 def _pair(left: np.ndarray, right: np.ndarray, disparity: np.ndarray) -> EdgePair:
     known = np.isfinite(disparity) & (disparity > 0)
     return EdgePair(
-        left=left, right=right, disparity=np.where(known, disparity, np.nan).astype(float), seen_twice=known
+        left=left,
+        right=right,
+        disparity=np.where(known, disparity, np.nan).astype(float),
+        seen_twice=known,
     )
 
 
 def _fetch_motorcycle(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as downloads:
-        command = [sys.executable, "-m", "pip", "download", *PIP_OPTIONS, "--dest", downloads, SCIKIT_IMAGE]
+        command = [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            *PIP_OPTIONS,
+            "--dest",
+            downloads,
+            SCIKIT_IMAGE,
+        ]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         wheels = list(Path(downloads).glob("*.whl"))
         if run.returncode or not wheels:

@@ -1,7 +1,8 @@
-"""One axis of the scan: a late servo presses a nonlinear spring whose rest position moves, and a noisy sensor tells.
+"""One axis of the scan: a late servo presses a nonlinear spring whose rest position moves, and a
+noisy sensor tells.
 
-The product's own force control runs on it, without the arm, the tissue's finite elements and the contact problem: what
-gains are tuned on.
+The product's own force control runs on it, without the arm, the tissue's finite elements and the
+contact problem: what gains are tuned on.
 """
 
 import math
@@ -20,7 +21,9 @@ PERIOD, LAG = 0.002, 0.034
 """Control period and nominal lag of the servo [s]."""
 EXPONENT = 1.47
 """Of the twin's force over its indentation, from .5 to 8 mm on the default phantom [-]."""
-YOUNG, FORCE, INDENTATION = 30e3, 4.95, 0.006
+YOUNG = 30e3
+FORCE = 4.95
+INDENTATION = 0.006
 """Measured once on the twin: this force [N] at this indentation [m] for this modulus [Pa]."""
 DAMPING = 3.0
 """Relative rise of the force per speed of indentation [s/m], as in `sim.tissue.soft`."""
@@ -84,7 +87,9 @@ def run(
     readings = _Readings(plant.sensor, round(duration / PERIOD), seed)
     start = plant.skin(0.0) + (config.contact_force / scale) ** (1 / EXPONENT)
     tip, memory = ServoModel.resting(start, PERIOD), ContactMemory.resting(start, PERIOD)
-    memory = replace(memory, slow=replace(memory.slow, force=config.contact_force), variance=readings.variance)
+    memory = replace(
+        memory, slow=replace(memory.slow, force=config.contact_force), variance=readings.variance
+    )
     memory = contact.meet(memory, config)
     before = plant.skin(0.0)
     forces, depths = np.empty((2, round(duration / PERIOD)))
@@ -92,7 +97,12 @@ def run(
         time = k * PERIOD
         skin = plant.skin(time)
         indentation, inward = max(tip.position - skin, 0.0), tip.speed - (skin - before) / PERIOD
-        force = plant.stiffness_scale(time) * scale * indentation**EXPONENT * max(1.0 + DAMPING * inward, 0.0)
+        force = (
+            plant.stiffness_scale(time)
+            * scale
+            * indentation**EXPONENT
+            * max(1.0 + DAMPING * inward, 0.0)
+        )
         before = skin
         memory = contact.sense(memory, readings(k, force), config, PERIOD)
         wanted = ramp(time, config.contact_force, config.force, config.phases.ramp_time)
@@ -112,17 +122,22 @@ class _Readings:
         self._noise = sensor.noise * np.sqrt((2.0 - self._weight) / self._weight) * white
         self._passed = 0.0
         self.variance = sensor.noise**2 * self._weight
-        """What the controller would have learnt of it in the air [N^2]: half the mean square of differences."""
+        """What the controller would have learnt of it in the air [N^2]: half the mean square of
+        differences."""
 
     def __call__(self, k: int, force: float) -> float:
         sensor = self._sensor
         self._passed += self._weight * (force + self._noise[k] - self._passed)
         reading = self._passed + sensor.drift * k * PERIOD
-        return round(reading / sensor.resolution) * sensor.resolution if sensor.resolution else reading
+        return (
+            round(reading / sensor.resolution) * sensor.resolution if sensor.resolution else reading
+        )
 
 
 def breathing(amplitude: float, waveform: str, rate: float = 0.25, phase: float = 0.0) -> Motion:
-    """Vertical breathing [m] of the plate, as it moves the skin along the probe axis: `sine`, or `cos4` [Lujan]."""
+    """Vertical breathing [m] of the plate, as it moves the skin along the probe axis: `sine`, or
+    `cos4` [Lujan].
+    """
     along = -NORMAL_SHARE * amplitude
 
     def sine(time: float) -> float:
@@ -140,11 +155,16 @@ def ramped(height: float, *, start: float, duration: float) -> Motion:
 
 
 def waviness(seed: int, speed: float = 0.025) -> Motion:
-    """What a plan misses of the skin: waves of .1 mm and 10 to 40 mm, and 3 mm ripple of .016 mm RMS [m]."""
+    """What a plan misses of the skin: waves of .1 mm and 10 to 40 mm, and 3 mm ripple of .016 mm
+    RMS [m].
+    """
     rng = np.random.default_rng(seed)
     lengths, phases = np.array([40.0, 25.0, 15.0, 10.0, 3.1]) * 1e-3, rng.uniform(0, 2 * np.pi, 5)
     heights = np.array([0.10, 0.07, 0.04, 0.03, 0.023]) * 1e-3
-    waves = [(h, 2 * math.pi * speed / length, p) for h, length, p in zip(heights, lengths, phases, strict=True)]
+    waves = [
+        (h, 2 * math.pi * speed / length, p)
+        for h, length, p in zip(heights, lengths, phases, strict=True)
+    ]
     return lambda time: sum(h * math.sin(w * time + p) for h, w, p in waves)
 
 

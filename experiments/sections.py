@@ -1,4 +1,6 @@
-"""Parts of a planned motion, at another speed, or on a plan that misses the skin: what studies and faults run on."""
+"""Parts of a planned motion, at another speed, or on a plan that misses the skin: what studies
+and faults run on.
+"""
 
 import math
 from dataclasses import replace
@@ -42,21 +44,34 @@ def section(
     return _motion(q, s - start, motion.clearance if clearance is None else clearance, X_FP)
 
 
-def misplaced(motion: Motion, X_FP: Float[np.ndarray, "4 4"], depth: Float[np.ndarray, "n"]) -> Motion:
-    """The same path, planned `depth` [m] too deep at each row: the skin is met by so much before it is expected."""
+def misplaced(
+    motion: Motion, X_FP: Float[np.ndarray, "4 4"], depth: Float[np.ndarray, "n"]
+) -> Motion:
+    """The same path, planned `depth` [m] too deep at each row: the skin is met by so much before
+    it is expected.
+    """
     arm = KinematicCalibration.nominal()
     X_BP = arm.forward(motion.q) @ X_FP
     X_BP[:, :3, 3] += depth[:, None] * X_BP[:, :3, 2]
-    return _motion(arm.refined(motion.q, X_BP @ se3.inverse(X_FP)), motion.s, motion.clearance, X_FP)
+    return _motion(
+        arm.refined(motion.q, X_BP @ se3.inverse(X_FP)), motion.s, motion.clearance, X_FP
+    )
 
 
-def ramp(s: Float[np.ndarray, "n"], height: float, *, start: float, length: float) -> Float[np.ndarray, "n"]:
+def ramp(
+    s: Float[np.ndarray, "n"], height: float, *, start: float, length: float
+) -> Float[np.ndarray, "n"]:
     """A depth [m] over the path that rises from 0 to `height` over `length` [m]."""
     return height * np.clip((s - start) / length, 0.0, 1.0)
 
 
 def _motion(
-    q: Float[np.ndarray, "n 6"], s: Float[np.ndarray, "n"], clearance: float, X_FP: Float[np.ndarray, "4 4"]
+    q: Float[np.ndarray, "n 6"],
+    s: Float[np.ndarray, "n"],
+    clearance: float,
+    X_FP: Float[np.ndarray, "4 4"],
 ) -> Motion:
-    on_skin = Motion(q=q, qd=np.gradient(q, PERIOD, axis=0), s=s, q_approach=q[0], clearance=clearance)
+    on_skin = Motion(
+        q=q, qd=np.gradient(q, PERIOD, axis=0), s=s, q_approach=q[0], clearance=clearance
+    )
     return replace(on_skin, q_approach=on_skin.lifted(0, X_FP, KinematicCalibration.nominal()))

@@ -28,7 +28,8 @@ class Response:
     ramp_lag: Float[np.ndarray, "6"]
     """Time by which each joint trails the steady ramp [s]."""
     step: Float[np.ndarray, "n 6"]
-    """Way of each joint over the step's height [-]; row k is what `state` tells after the target of period k."""
+    """Way of each joint over the step's height [-]; row k is what `state` tells after the target of
+    period k."""
     law: Float[np.ndarray, "n"]
     """The same as servoj asks it of the drives."""
 
@@ -53,12 +54,20 @@ def respond(config: ServoConfig) -> Response:
     ramp = RAMP_SPEED * np.where(seconds < 1.0, seconds**2 / 2, seconds - 0.5)
     lag = (ramp[-1] - _followed(scene, ramp)[-1]) / RAMP_SPEED
     steps = np.full(len(seconds), STEP)
-    return Response(config=config, ramp_lag=lag, step=_followed(scene, steps) / STEP, law=_asked(config, steps) / STEP)
+    return Response(
+        config=config,
+        ramp_lag=lag,
+        step=_followed(scene, steps) / STEP,
+        law=_asked(config, steps) / STEP,
+    )
 
 
 def sweep() -> list[Response]:
     """Every pair of lookahead time and gain, the lookahead slowest."""
-    return [respond(ServoConfig(lookahead_time=time, gain=gain)) for time, gain in product(LOOKAHEADS, GAINS)]
+    return [
+        respond(ServoConfig(lookahead_time=time, gain=gain))
+        for time, gain in product(LOOKAHEADS, GAINS)
+    ]
 
 
 def _followed(scene: Scene, ways: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:

@@ -1,4 +1,6 @@
-"""How well do the simulated cameras keep their promises, and what do their errors cost the reconstruction?"""
+"""How well do the simulated cameras keep their promises, and what do their errors cost the
+reconstruction?
+"""
 
 import copy
 from contextlib import closing
@@ -56,13 +58,19 @@ def run(out: Path, *, seed: int) -> dict[str, float]:
     scene = Scene(SceneConfig().seeded(seed))
     tissue = SoftTissue.build(scene.phantom)
     with writing.staged(out) as staging:
-        values = _projection(scene, seed) | _draw_errors(staging / "twin_camera_errors.png", scene, seed)
+        values = _projection(scene, seed) | _draw_errors(
+            staging / "twin_camera_errors.png", scene, seed
+        )
         values |= _reconstructions(staging / "twin_camera_classes.png", scene, tissue)
         values |= {what: own for what, own, *_ in bench_camera.rows()}
         _draw_stills(staging / "twin_camera_still.png", scene, tissue)
         rows = [f"| {name} | {value:.4g} |" for name, value in values.items()]
-        (staging / "study.md").write_text("\n".join(["| what | value |", "|---|---|", *rows]) + "\n", encoding="utf-8")
-        writing.write_json(staging / "study.json", {"seed": seed, "values": values, "versions": writing.versions()})
+        (staging / "study.md").write_text(
+            "\n".join(["| what | value |", "|---|---|", *rows]) + "\n", encoding="utf-8"
+        )
+        writing.write_json(
+            staging / "study.json", {"seed": seed, "values": values, "versions": writing.versions()}
+        )
     return values
 
 
@@ -71,7 +79,10 @@ def _projection(scene: Scene, seed: int) -> dict[str, float]:
     values = {}
     for side in ("left", "right"):
         found = camera_projection.measure(scene.rig, side, supersampling=2, seed=seed)
-        values |= {f"projection_{side}_mean_px": found.mean_px, f"projection_{side}_corner_rms_px": found.corner_rms_px}
+        values |= {
+            f"projection_{side}_mean_px": found.mean_px,
+            f"projection_{side}_corner_rms_px": found.corner_rms_px,
+        }
     return values
 
 
@@ -79,28 +90,48 @@ def _draw_errors(path: Path, scene: Scene, seed: int) -> dict[str, float]:
     """Photon transfer, shading and contrast of the realistic camera, measured and as set."""
     config = CameraConfig(quality="realistic", vignetting=0.0, blur_px=0.0)
     rng = np.random.default_rng(seed)
-    flats = [expose(np.full(FLAT_PX, level, np.float32), config, rng).astype(float) for level in LEVELS]
+    flats = [
+        expose(np.full(FLAT_PX, level, np.float32), config, rng).astype(float) for level in LEVELS
+    ]
     mean, variance = np.array([[flat.mean(), flat.var()] for flat in flats]).T
     slope, foot = np.polyfit(mean, variance - 1 / 12, 1)
     read_noise = np.sqrt(max(foot, 0.0)) / slope
-    figure, (transfer, shading, contrast) = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+    figure, (transfer, shading, contrast) = plt.subplots(
+        1, 3, figsize=(12, 3.6), layout="constrained"
+    )
     transfer.plot(mean, variance, "o", label="measured")
-    transfer.plot(mean, slope * mean + foot + 1 / 12, label=f"{slope * FULL_WELL / WHITE:.3f} grey levels per set one")
-    transfer.set(xlabel="mean [grey levels]", ylabel="variance [grey levels²]", title="photon transfer")
+    transfer.plot(
+        mean,
+        slope * mean + foot + 1 / 12,
+        label=f"{slope * FULL_WELL / WHITE:.3f} grey levels per set one",
+    )
+    transfer.set(
+        xlabel="mean [grey levels]", ylabel="variance [grey levels²]", title="photon transfer"
+    )
     _draw_shading(shading, scene)
     frequency, ideal, realistic = _contrasts(scene)
     contrast.plot(frequency, ideal, label="ideal")
     contrast.plot(frequency, realistic, label="realistic")
     gaussian = np.exp(-2 * (np.pi * CAMERA_CLASSES["realistic"].blur_px * frequency) ** 2)
     contrast.plot(frequency, ideal * gaussian, "k:", label="as set")
-    contrast.set(xlabel="line pairs a pixel", ylabel="contrast", title="slanted edge", xlim=(0, 0.5), ylim=(0, 1.05))
+    contrast.set(
+        xlabel="line pairs a pixel",
+        ylabel="contrast",
+        title="slanted edge",
+        xlim=(0, 0.5),
+        ylim=(0, 1.05),
+    )
     for axis in (transfer, shading, contrast):
         axis.legend(fontsize=8)
         axis.grid(alpha=0.3)
     figure.savefig(path, dpi=110)
     plt.close(figure)
     half = float(np.interp(-0.5, -realistic, frequency))
-    return {"full_well_e": WHITE / slope, "read_noise_e": float(read_noise), "contrast_half_per_px": half}
+    return {
+        "full_well_e": WHITE / slope,
+        "read_noise_e": float(read_noise),
+        "contrast_half_per_px": half,
+    }
 
 
 def _draw_shading(axis: Axes, scene: Scene) -> None:
@@ -116,7 +147,9 @@ def _draw_shading(axis: Axes, scene: Scene) -> None:
 
 
 def _contrasts(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Contrast over frequency [line pairs a pixel] of an ideal and the realistic lens (ISO 12233)."""
+    """Contrast over frequency [line pairs a pixel] of an ideal and the realistic lens (ISO
+    12233).
+    """
     finer = 3
     canvas = canvases(scene.rig, finer)["left"]
     y, x = (index / finer for index in np.indices((canvas.height, canvas.width)))
@@ -124,12 +157,16 @@ def _contrasts(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     drawn = np.repeat(np.where(edge, 200, 40).astype(np.uint8)[..., None], 3, axis=2)
     errors = (CameraErrors(), CameraErrors(blur_px=CAMERA_CLASSES["realistic"].blur_px))
     middle = slice(512 - 60, 512 + 60), slice(640 - 60, 640 + 60)
-    transfers = [_transfer(Lens(scene.rig.left, canvas, finer, each).bend(drawn)[middle]) for each in errors]
+    transfers = [
+        _transfer(Lens(scene.rig.left, canvas, finer, each).bend(drawn)[middle]) for each in errors
+    ]
     return transfers[0][0], transfers[0][1], transfers[1][1]
 
 
 def _transfer(light: Float[np.ndarray, "h w"]) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and the contrast left at them, from an edge whose place in each row is found first."""
+    """Frequencies and the contrast left at them, from an edge whose place in each row is found
+    first.
+    """
     y, x = np.mgrid[: light.shape[0], : light.shape[1]]
     gradient = np.abs(np.diff(light, axis=1))
     places = (gradient * x[:, 1:]).sum(axis=1) / gradient.sum(axis=1)
@@ -165,7 +202,9 @@ def _crop(image: UInt8[np.ndarray, "h w"], title: str) -> UInt8[np.ndarray, "h2 
     middle = np.array(image.shape) // 2
     top, left = middle - CROP_PX // 2
     patch = image[top : top + CROP_PX, left : left + CROP_PX]
-    large = cv2.resize(patch, None, fx=CROP_ZOOM, fy=CROP_ZOOM, interpolation=cv2.INTER_NEAREST).astype(np.uint8)
+    large = cv2.resize(
+        patch, None, fx=CROP_ZOOM, fy=CROP_ZOOM, interpolation=cv2.INTER_NEAREST
+    ).astype(np.uint8)
     cv2.putText(large, title, (12, 30), cv2.FONT_HERSHEY_DUPLEX, 0.8, (255,), 1, cv2.LINE_AA)
     return large
 

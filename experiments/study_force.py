@@ -1,9 +1,10 @@
-"""Which force law holds the probe best, and where does each end? All of them on the twin, in the same circumstances.
+"""Which force law holds the probe best, and where does each end? All of them on the twin, in the
+same circumstances.
 
-Every cell is one contact scan (`experiments.force_cell`): the nominal one with each law and sensor, what is asked of
-the scan's own law, one factor at a time, and a Latin hypercube over all factors at once. Gains come from one fair
-search (`experiments.tune_force`); the seeds here are others. `python -m experiments.study_force --help` tells how to
-make it shorter.
+Every cell is one contact scan (`experiments.force_cell`): the nominal one with each law and sensor,
+what is asked of the scan's own law, one factor at a time, and a Latin hypercube over all factors at
+once. Gains come from one fair search (`experiments.tune_force`); the seeds here are others. `python
+-m experiments.study_force --help` tells how to make it shorter.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,21 +44,31 @@ FACTORS: dict[str, dict] = {
     "10 mm farther": {"surface_error": -0.010},
     "servo at 42 ms": {"lag": 0.042},
 }
-"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is asked of it."""
+"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is asked of
+it."""
 
 ASKED: dict[str, tuple[float, dict]] = {
     "nominal, ideal": (0.06, {"sensor": "ideal"}),
     "nominal, industrial": (0.08, {"sensor": "industrial"}),
     "nominal, built-in": (0.25, {"sensor": "ur5e_builtin"}),
-    "the same, its zero changing with the pose": (np.inf, {"sensor": "ur5e_builtin", "pose_offset": True}),
+    "the same, its zero changing with the pose": (
+        np.inf,
+        {"sensor": "ur5e_builtin", "pose_offset": True},
+    ),
     "breathing, sine, ideal": (0.15, FACTORS["breathing, sine"] | {"sensor": "ideal"}),
     "breathing, cos⁴, ideal": (0.15, FACTORS["breathing, cos⁴"] | {"sensor": "ideal"}),
     "breathing, sine, industrial": (0.15, FACTORS["breathing, sine"]),
     "breathing, cos⁴, industrial": (0.15, FACTORS["breathing, cos⁴"]),
     "breathing, sine, built-in": (0.25, FACTORS["breathing, sine"] | {"sensor": "ur5e_builtin"}),
     "breathing, cos⁴, built-in": (0.25, FACTORS["breathing, cos⁴"] | {"sensor": "ur5e_builtin"}),
-    "breathing, sine, 40 kPa, ideal": (0.25, FACTORS["breathing, sine"] | {"sensor": "ideal", "young": 40e3}),
-    "breathing, cos⁴, 40 kPa, ideal": (0.25, FACTORS["breathing, cos⁴"] | {"sensor": "ideal", "young": 40e3}),
+    "breathing, sine, 40 kPa, ideal": (
+        0.25,
+        FACTORS["breathing, sine"] | {"sensor": "ideal", "young": 40e3},
+    ),
+    "breathing, cos⁴, 40 kPa, ideal": (
+        0.25,
+        FACTORS["breathing, cos⁴"] | {"sensor": "ideal", "young": 40e3},
+    ),
 }
 """RMS force error asked of the scan's law [N], and where."""
 
@@ -95,7 +106,9 @@ class ForceStudy:
     def __post_init__(self) -> None:
         for field in fields(self):
             if getattr(self, field.name) < 1:
-                raise ConfigError(f"{field.name} must be 1 or more, got {getattr(self, field.name)}", self)
+                raise ConfigError(
+                    f"{field.name} must be 1 or more, got {getattr(self, field.name)}", self
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,11 +135,15 @@ def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
         study: How much is run.
     """
     study = study or ForceStudy()
-    force_cell.run(Cell(law=DEFAULT, mass_ratio=4.0))  # what is computed once and kept, before two processes need it
+    # what is computed once and kept, before two processes need it
+    force_cell.run(Cell(law=DEFAULT, mass_ratio=4.0))
     with writing.staged(out) as folder:
         result = _result(study, seed, _parallel(study.jobs))
         figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT])
-        page = [*_page(result, study), *(f"![{caption}]({name})" for name, caption in figures.items())]
+        page = [
+            *_page(result, study),
+            *(f"![{caption}]({name})" for name, caption in figures.items()),
+        ]
         (folder / "study.md").write_text("\n".join(page) + "\n", encoding="utf-8")
         settings = {"seed": seed, "study": study, "versions": writing.versions()}
         writing.write_json(folder / "study.json", settings | {"outcomes": _plain(result)})
@@ -141,7 +158,9 @@ def cells(points: int, seed: int, law: LawName) -> list[Cell]:
     for number, point in enumerate(sampled):
         shares = dict(zip(names, point.tolist(), strict=True))
         values = {name: low + shares[name] * (high - low) for name, (low, high) in RANGES.items()}
-        chosen = {name: options[int(shares[name] * len(options))] for name, options in CHOICES.items()}
+        chosen = {
+            name: options[int(shares[name] * len(options))] for name, options in CHOICES.items()
+        }
         drawn.append(Cell(law=law, seed=seed + number, **values, **chosen))
     return drawn
 
@@ -150,20 +169,33 @@ def _parallel(jobs: int) -> Callable[[list[Cell]], list[Outcome]]:
     workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
 
     def outcomes(wanted: list[Cell]) -> list[Outcome]:
-        running = cast(Iterator[Outcome], workers(joblib.delayed(force_cell.run)(cell) for cell in wanted))
+        running = cast(
+            Iterator[Outcome], workers(joblib.delayed(force_cell.run)(cell) for cell in wanted)
+        )
         return list(track(running, "cells", total=len(wanted)))
 
     return outcomes
 
 
-def _result(study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]) -> Result:
+def _result(
+    study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]
+) -> Result:
     seeds = range(seed, seed + study.seeds)
-    asked = [Cell(law=DEFAULT, **{**where, "seed": each}) for _, where in ASKED.values() for each in seeds]
+    asked = [
+        Cell(law=DEFAULT, **{**where, "seed": each})
+        for _, where in ASKED.values()
+        for each in seeds
+    ]
     whole = [Cell(law=DEFAULT, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
     by_sensor = [Cell(law=law, sensor=sensor, seed=seed) for sensor in SENSORS for law in LAWS]
     by_factor = [Cell(law=law, seed=seed, **factor) for factor in FACTORS.values() for law in LAWS]
     everywhere = cells(study.samples, seed, DEFAULT)
-    others = [replace(cell, law=law) for law in LAWS if law != DEFAULT for cell in everywhere[: study.compared]]
+    others = [
+        replace(cell, law=law)
+        for law in LAWS
+        if law != DEFAULT
+        for cell in everywhere[: study.compared]
+    ]
     done = iter(outcomes([*by_factor, *by_sensor, *whole, *asked, *everywhere, *others]))
     factors = {name: {law: next(done) for law in LAWS} for name in FACTORS}
     sensors = {sensor: {law: next(done) for law in LAWS} for sensor in SENSORS}
@@ -192,11 +224,14 @@ def _asked_table(asked: dict[str, list[Outcome]], seeds: int) -> list[str]:
     lines = [
         f"RMS of the true force error, law `{DEFAULT}`, {seeds} seeds [N].",
         "",
-        "| circumstance | at most | mean | worst seed | bias, RMS over seeds | of the sensor, below 10 Hz |",
+        "| circumstance | at most | mean | worst seed | bias, RMS over seeds | of the sensor, "
+        "below 10 Hz |",
         "|---|---|---|---|---|---|",
     ]
     for (name, outcomes), (bar, _) in zip(asked.items(), ASKED.values(), strict=True):
-        rmse, bias, share = ([getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_share"))
+        rmse, bias, share = (
+            [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_share")
+        )
         limit = f"{bar:.2f}" if np.isfinite(bar) else "-"
         figures = np.mean(rmse), np.max(rmse), np.sqrt(np.mean(np.square(bias))), np.mean(share)
         lines.append(f"| {name} | {limit} | {' | '.join(f'{value:.3f}' for value in figures)} |")
@@ -205,9 +240,11 @@ def _asked_table(asked: dict[str, list[Outcome]], seeds: int) -> list[str]:
 
 def _contact_table(result: Result) -> list[str]:
     lines = [
-        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the way along the path.",
+        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the way "
+        "along the path.",
         "",
-        "| circumstance | overshoot [N] | within 10 % after [s] | off the plan, X, Y, Z [mm] | tilt, mean, max [°] |",
+        "| circumstance | overshoot [N] | within 10 % after [s] | off the plan, X, Y, Z [mm] | "
+        "tilt, mean, max [°] |",
         "|---|---|---|---|---|",
     ]
     contacts = {
@@ -223,8 +260,8 @@ def _contact_table(result: Result) -> list[str]:
 
 def _law_table(title: str, rows: dict[str, dict[str, Outcome]]) -> list[str]:
     lines = [
-        "RMS of the true force error / its largest value over the set-point at any time [N]; * left 8 mm of "
-        "indentation, † ended by the supervisor.",
+        "RMS of the true force error / its largest value over the set-point at any time [N]; * "
+        "left 8 mm of indentation, † ended by the supervisor.",
         "",
         f"| {title} | {' | '.join(LAWS)} |",
         f"|---|{'---|' * len(LAWS)}",
@@ -243,7 +280,8 @@ def _hypercube_table(hypercube: dict[str, list[Outcome]], compared: int) -> list
     lines = [
         f"The first {compared} points of the hypercube, those inside 8 mm of indentation.",
         "",
-        "| law | RMSE, median [N] | 90 % [N] | most over the set-point [N] | least share of it | left 8 mm | ended |",
+        "| law | RMSE, median [N] | 90 % [N] | most over the set-point [N] | least share of it | "
+        "left 8 mm | ended |",
         "|---|---|---|---|---|---|---|",
     ]
     return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAWS), ""]
@@ -256,27 +294,43 @@ def _spread(outcomes: list[Outcome]) -> str:
     if not inside:
         return f"- | - | - | - | {beyond} | {ended}"
     rmse = [o.rmse for o in inside]
-    over, share = max(o.highest - o.cell.force for o in inside), min(o.lowest / o.cell.force for o in inside)
-    return f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {share:.2f} | {beyond} | {ended}"
+    over, share = (
+        max(o.highest - o.cell.force for o in inside),
+        min(o.lowest / o.cell.force for o in inside),
+    )
+    return (
+        f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {share:.2f} | "
+        f"{beyond} | {ended}"
+    )
 
 
 def _extremes_table(result: Result) -> list[str]:
     """How far the default law's true force went from the set-point in all cells inside 8 mm."""
-    everything = [o for outcomes in (*result.asked.values(), result.hypercube[DEFAULT]) for o in outcomes]
-    everything += [outcomes[DEFAULT] for outcomes in (*result.factors.values(), *result.sensors.values())]
+    everything = [
+        o for outcomes in (*result.asked.values(), result.hypercube[DEFAULT]) for o in outcomes
+    ]
+    everything += [
+        outcomes[DEFAULT] for outcomes in (*result.factors.values(), *result.sensors.values())
+    ]
     lines = [
         f"All cells of `{DEFAULT}`, by sensor.",
         "",
-        "| sensor | cells | left 8 mm | ended | most over the set-point [N] | least share of it in the loop |",
+        "| sensor | cells | left 8 mm | ended | most over the set-point [N] | least share of it in "
+        "the loop |",
         "|---|---|---|---|---|---|",
     ]
     for sensor in SENSORS:
         here = [o for o in everything if o.cell.sensor == sensor]
         inside = [o for o in here if o.inside]
         over = max((o.highest - o.cell.force for o in inside), default=np.nan)
-        share = min((o.lowest / o.cell.force for o in inside if not np.isnan(o.lowest)), default=np.nan)
+        share = min(
+            (o.lowest / o.cell.force for o in inside if not np.isnan(o.lowest)), default=np.nan
+        )
         ended = sum(bool(o.ended) for o in here)
-        lines.append(f"| {sensor} | {len(here)} | {len(here) - len(inside)} | {ended} | {over:.2f} | {share:.2f} |")
+        lines.append(
+            f"| {sensor} | {len(here)} | {len(here) - len(inside)} | {ended} | {over:.2f} | "
+            f"{share:.2f} |"
+        )
     reasons = sorted({o.ended for o in everything if o.ended})
     return [*lines, "", *(f"- {reason}" for reason in reasons), ""]
 
@@ -285,8 +339,16 @@ def _plain(result: Result) -> list[dict[str, object]]:
     """Every outcome without its trace; what is not known is left out."""
     groups = (*result.asked.values(), *result.hypercube.values(), [*result.whole.values()])
     table = [o for group in groups for o in group]
-    table += [o for rows in (result.sensors, result.factors) for by_law in rows.values() for o in by_law.values()]
-    return [{name: value for name, value in vars(o).items() if _is_known(value) and name != "trace"} for o in table]
+    table += [
+        o
+        for rows in (result.sensors, result.factors)
+        for by_law in rows.values()
+        for o in by_law.values()
+    ]
+    return [
+        {name: value for name, value in vars(o).items() if _is_known(value) and name != "trace"}
+        for o in table
+    ]
 
 
 def _is_known(value: object) -> bool:
@@ -294,7 +356,9 @@ def _is_known(value: object) -> bool:
     return not any(isinstance(number, float) and np.isnan(number) for number in numbers)
 
 
-def main(out: Path = Path("out/study_force"), seed: int = 0, study: ForceStudy = ForceStudy()) -> None:
+def main(
+    out: Path = Path("out/study_force"), seed: int = 0, study: ForceStudy = ForceStudy()
+) -> None:
     """Run the study at another length.
 
     Args:

@@ -1,8 +1,9 @@
-"""How far do the joints swing and how fast, with a fixed and with a free spin of the probe? [Zhang, Fig. 19]
+"""How far do the joints swing and how fast, with a fixed and with a free spin of the probe? [Zhang,
+Fig. 19]
 
-The paper watches the joints of a simulated UR5e along its loop and finds joint 6 swinging back and forth. Here its own
-points and the twin's loop are walked by the MuJoCo arm, with the image plane across the path or free to turn, and with
-the probe straight on the flange or bent by 45 degrees.
+The paper watches the joints of a simulated UR5e along its loop and finds joint 6 swinging back and
+forth. Here its own points and the twin's loop are walked by the MuJoCo arm, with the image plane
+across the path or free to turn, and with the probe straight on the flange or bent by 45 degrees.
 """
 
 from collections.abc import Iterator
@@ -26,7 +27,10 @@ def run(out: Path, *, seed: int) -> list[Walk]:
     """
     loops = list(joint_walks.loops(seed))
     with writing.staged(out) as folder:
-        walks = [joint_walks.walk(loop, mount, spin) for loop, spin, mount in product(loops, SPINS, MOUNTS_DEG)]
+        walks = [
+            joint_walks.walk(loop, mount, spin)
+            for loop, spin, mount in product(loops, SPINS, MOUNTS_DEG)
+        ]
         fluctuations = joint_walks.fluctuations(loops)
         figures = joint_study_figures.write(folder, walks)
         writing.write_json(
@@ -40,7 +44,9 @@ def run(out: Path, *, seed: int) -> list[Walk]:
                 "versions": writing.versions(),
             },
         )
-        (folder / "study.md").write_text("\n".join(_page(walks, fluctuations, figures)) + "\n", encoding="utf-8")
+        (folder / "study.md").write_text(
+            "\n".join(_page(walks, fluctuations, figures)) + "\n", encoding="utf-8"
+        )
     return walks
 
 
@@ -66,7 +72,12 @@ def summary(walk: Walk) -> dict[str, object]:
         "tracking_peak_deg": float(np.degrees(np.abs(walk.q - joints.q).max())),
         "largest_joint_step_deg": float(np.degrees(np.abs(np.diff(joints.q, axis=0)).max())),
         "limits": {
-            use.limit: {"share": use.share, "bound": use.bound, "joint": use.joint, "time_s": use.sample * PERIOD}
+            use.limit: {
+                "share": use.share,
+                "bound": use.bound,
+                "joint": use.joint,
+                "time_s": use.sample * PERIOD,
+            }
             for use in walk.uses
         },
         "resampled_1ms_acceleration_pct": walk.resampled[0],
@@ -77,7 +88,10 @@ def summary(walk: Walk) -> dict[str, object]:
 def _page(walks: list[Walk], fluctuations: list[dict], figures: list[str]) -> Iterator[str]:
     yield "# Joints along the loop"
     yield ""
-    yield f"At {LIMITS.speed} m/s and {LIMITS.acceleration} m/s², {PERIOD * 1e3:.0f} ms. Walked by the MuJoCo arm."
+    yield (
+        f"At {LIMITS.speed} m/s and {LIMITS.acceleration} m/s², {PERIOD * 1e3:.0f} ms. Walked "
+        "by the MuJoCo arm."
+    )
     for name in figures:
         yield f"\n![{name}]({name}.png)"
     yield "\n## Largest joint speeds [rad/s], joints 1 to 6, walked (planned)\n"
@@ -85,8 +99,10 @@ def _page(walks: list[Walk], fluctuations: list[dict], figures: list[str]) -> It
     yield "|" + 10 * "---|"
     yield from (_speed_row(walk, walks) for walk in walks)
     yield "\n## Shares of the limits, planned, and largest acceleration walked\n"
-    yield "| loop | spin, mount | swing of joint 6 | angle | speed | acceleration | jerk | walked rad/s² |" \
-          " change at 1 ms: acceleration, jerk |"  # fmt: skip
+    yield (
+        "| loop | spin, mount | swing of joint 6 | angle | speed | acceleration | jerk | walked "
+        "rad/s² | change at 1 ms: acceleration, jerk |"
+    )
     yield "|" + 9 * "---|"
     yield from (_limit_row(walk) for walk in walks if walk.planned is not None)
     yield "\n## Interpolation, 25 mm/s, 2 ms\n"
@@ -94,8 +110,9 @@ def _page(walks: list[Walk], fluctuations: list[dict], figures: list[str]) -> It
     yield "|" + 6 * "---|"
     for row in fluctuations:
         yield (
-            f"| {row['loop']} | {row['method']} | {row['fluctuation_pct']:.2g} | {row['chord_error_mm']:.2g} | "
-            f"{row['seam_tangent']:.1g} | {row['seam_curvature']:.1g} |"
+            f"| {row['loop']} | {row['method']} | {row['fluctuation_pct']:.2g} | "
+            f"{row['chord_error_mm']:.2g} | {row['seam_tangent']:.1g} | "
+            f"{row['seam_curvature']:.1g} |"
         )
 
 
@@ -115,9 +132,13 @@ def _limit_row(walk: Walk) -> str:
     values = summary(walk)
     limits, swing = values["limits"], np.asarray(values["swing_deg"])
     assert isinstance(limits, dict)
-    shares = " | ".join(f"{use['share']:.1%} (joint {use['joint']}, {use['time_s']:.1f} s)" for use in limits.values())
+    shares = " | ".join(
+        f"{use['share']:.1%} (joint {use['joint']}, {use['time_s']:.1f} s)"
+        for use in limits.values()
+    )
     walked = float(np.max(np.asarray(values["acceleration_peak_rad_s2"])))
     return (
         f"| {walk.loop} | {walk.name} | {swing[5]:.0f}° | {shares} | {walked:.2f} | "
-        f"{values['resampled_1ms_acceleration_pct']:.2f} %, {values['resampled_1ms_jerk_pct']:.2f} % |"
+        f"{values['resampled_1ms_acceleration_pct']:.2f} %, {values['resampled_1ms_jerk_pct']:.2f} "
+        "% |"
     )

@@ -1,7 +1,8 @@
 """Can the phantom be trusted, and what does it cost?
 
-The soft phantom against full finite elements with large deformations, its mesh in the force, its build and its press;
-the other mechanics beside it; layers, breathing, and a picture of every class, texture and mechanics.
+The soft phantom against full finite elements with large deformations, its mesh in the force, its
+build and its press; the other mechanics beside it; layers, breathing, and a picture of every class,
+texture and mechanics.
 """
 
 from collections.abc import Iterator
@@ -12,8 +13,24 @@ import numpy as np
 
 from breastscan.run import metrics, writing
 from experiments import phantom_figures, tissue_cost
-from experiments.indentation import DEPTHS, FINEST, SET_POINT, Indentation, against_full, axial_force, pose
-from experiments.tissue_cost import FINER, HEIGHTS, LONGEST_RIPPLE, SLIDE_DEPTH, SPINS_DEG, Build, Slide
+from experiments.indentation import (
+    DEPTHS,
+    FINEST,
+    SET_POINT,
+    Indentation,
+    against_full,
+    axial_force,
+    pose,
+)
+from experiments.tissue_cost import (
+    FINER,
+    HEIGHTS,
+    LONGEST_RIPPLE,
+    SLIDE_DEPTH,
+    SPINS_DEG,
+    Build,
+    Slide,
+)
 from sim.tissue.breast import BreastClass
 from sim.tissue.flex import FlexTissue
 from sim.tissue.layers import FAT_YOUNG, SKIN_YOUNG, LayerConfig
@@ -22,7 +39,8 @@ from sim.tissue.phantom_config import PhantomConfig
 from sim.tissue.soft import SoftTissue
 
 PLACES: tuple[tuple[BreastClass, float], ...] = (("standard", 0.7), ("scattered", 2.8))
-"""Classes, and azimuths on their half-height loops [rad], that are pressed in full finite elements."""
+"""Classes, and azimuths on their half-height loops [rad], that are pressed in full finite
+elements."""
 MASS = LayerConfig(mass_radius=0.010, mass_p_S=(0.045, 0.0, 0.020))
 """A hard mass about 10 mm under the skin at azimuth 0."""
 TISSUES = {
@@ -57,7 +75,8 @@ class Study:
 
 
 def run(out: Path, *, seed: int) -> Study:
-    """Measure everything, which takes a quarter of an hour; leave figures, `study.md` and `study.json` in `out`.
+    """Measure everything, which takes a quarter of an hour; leave figures, `study.md` and
+    `study.json` in `out`.
 
     Args:
         out: Where the results go.
@@ -68,7 +87,9 @@ def run(out: Path, *, seed: int) -> Study:
     with writing.staged(out) as folder:
         study = Study(
             presses={
-                f"{breast}, {np.degrees(place):.0f}°": _pressed(PhantomConfig(breast=breast, seed=seed), place, DEPTHS)
+                f"{breast}, {np.degrees(place):.0f}°": _pressed(
+                    PhantomConfig(breast=breast, seed=seed), place, DEPTHS
+                )
                 for breast, place in PLACES
             },
             layered=_pressed(PhantomConfig(seed=seed, layers=MASS), 0.0, LAYERED_DEPTHS),
@@ -82,9 +103,15 @@ def run(out: Path, *, seed: int) -> Study:
             builds=tissue_cost.builds(),
         )
         figures = phantom_figures.write(
-            folder, study.presses, {"MuJoCo's solid (flex)": study.flex}, study.slides, _layered_slides(seed)
+            folder,
+            study.presses,
+            {"MuJoCo's solid (flex)": study.flex},
+            study.slides,
+            _layered_slides(seed),
         )
-        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()})
+        writing.write_json(
+            folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()}
+        )
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 
@@ -107,7 +134,9 @@ def _layered_slides(seed: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     for name, layers in TISSUES.items():
         phantom = Phantom(PhantomConfig(seed=seed, young=FAT_YOUNG, layers=layers))
         soft = SoftTissue.build(phantom)
-        forces = [axial_force(soft, pose(phantom, azimuth, LAYERED_DEPTH)) for azimuth in LAYERED_AZIMUTHS]
+        forces = [
+            axial_force(soft, pose(phantom, azimuth, LAYERED_DEPTH)) for azimuth in LAYERED_AZIMUTHS
+        ]
         found[name] = (np.degrees(LAYERED_AZIMUTHS), np.array(forces))
     return found
 
@@ -124,29 +153,45 @@ def _summary(study: Study) -> dict[str, object]:
         },
         "over_a_mass": _forces(study.layered, LAYERED_DEPTHS),
         "flex_n": study.flex.tolist(),
-        "mesh_change_pct": {str(points): (100 * change).tolist() for points, change in study.convergence.items()},
-        "ripple_n": {f"height {height}, spin {spin}°": s.ripple for (height, spin), s in study.slides.items()},
+        "mesh_change_pct": {
+            str(points): (100 * change).tolist() for points, change in study.convergence.items()
+        },
+        "ripple_n": {
+            f"height {height}, spin {spin}°": s.ripple for (height, spin), s in study.slides.items()
+        },
         "press_ms": 1e3 * float(np.mean([slide.press for slide in study.slides.values()])),
-        "build": {name: {"cpu_s": b.cpu, "megabytes": b.megabytes} for name, b in study.builds.items()},
+        "build": {
+            name: {"cpu_s": b.cpu, "megabytes": b.megabytes} for name, b in study.builds.items()
+        },
     }
 
 
 def _forces(press: Indentation, depths: np.ndarray) -> dict[str, list[float]]:
-    return {"depth_mm": (1e3 * depths).tolist(), "full_n": press.full.tolist(), "soft_n": press.soft.tolist()}
+    return {
+        "depth_mm": (1e3 * depths).tolist(),
+        "full_n": press.full.tolist(),
+        "soft_n": press.soft.tolist(),
+    }
 
 
 def _page(study: Study, figures: list[str]) -> Iterator[str]:
     yield "# The phantom"
     for name in figures:
         yield f"\n![{name}]({name}.png)"
-    yield f"\n## The soft phantom against full finite elements (edges of {1e3 * FINEST:.0f} mm, large strain)\n"
-    yield f"| place | largest error to 5 mm [%] | 5 to 8 mm [%] | skin at {SET_POINT:.0f} N [mm] | its points [mm] |"
+    yield (
+        f"\n## The soft phantom against full finite elements (edges of {1e3 * FINEST:.0f} mm, "
+        "large strain)\n"
+    )
+    yield (
+        f"| place | largest error to 5 mm [%] | 5 to 8 mm [%] | skin at {SET_POINT:.0f} N [mm] "
+        "| its points [mm] |"
+    )
     yield "|---|---|---|---|---|"
     for name, press in study.presses.items():
         error = 100 * np.abs(press.error)
         yield (
-            f"| {name} | {error[DEPTHS <= 5.1e-3].max():.1f} | {error[DEPTHS >= 4.9e-3].max():.1f} | "
-            f"{1e3 * press.surface_rmse:.3f} | {1e3 * press.displacement_rmse:.3f} |"
+            f"| {name} | {error[DEPTHS <= 5.1e-3].max():.1f} | {error[DEPTHS >= 4.9e-3].max():.1f} "
+            f"| {1e3 * press.surface_rmse:.3f} | {1e3 * press.displacement_rmse:.3f} |"
         )
     yield f"| standard, over a hard mass | {100 * np.abs(study.layered.error).max():.1f} | | | |"
     flex_error = 100 * (study.flex / next(iter(study.presses.values())).full - 1)
@@ -154,24 +199,35 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
     yield "| indentation [mm] | " + " | ".join(f"{1e3 * depth:g}" for depth in DEPTHS) + " |"
     yield "|---" * (len(DEPTHS) + 1) + "|"
     yield "| error of the force [%] | " + " | ".join(f"{error:+.0f}" for error in flex_error) + " |"
-    yield "\n## Change of the force at 2, 5 and 8 mm where the finite elements are finer, largest of eight places\n"
+    yield (
+        "\n## Change of the force at 2, 5 and 8 mm where the finite elements are finer, largest "
+        "of eight places\n"
+    )
     yield "| vertices on the skin | 2 mm [%] | 5 mm [%] | 8 mm [%] |"
     yield "|---|---|---|---|"
     for points in FINER:
-        yield f"| {points} | " + " | ".join(f"{100 * change:.1f}" for change in study.convergence[points]) + " |"
+        yield (
+            f"| {points} | "
+            + " | ".join(f"{100 * change:.1f}" for change in study.convergence[points])
+            + " |"
+        )
     yield (
-        f"\n## Slid around at {1e3 * SLIDE_DEPTH:.0f} mm: force, and ripple below {1e3 * LONGEST_RIPPLE:.0f} mm of "
-        "wavelength\n"
+        f"\n## Slid around at {1e3 * SLIDE_DEPTH:.0f} mm: force, and ripple below "
+        f"{1e3 * LONGEST_RIPPLE:.0f} mm of wavelength\n"
     )
-    yield "| contour at | force, mean [N] | array along the way [N RMS] | across it | worst spin | all spins |"
+    yield (
+        "| contour at | force, mean [N] | array along the way [N RMS] | across it | worst spin "
+        "| all spins |"
+    )
     yield "|---|---|---|---|---|---|"
     for height in HEIGHTS:
         ripple = [study.slides[height, spin].ripple for spin in SPINS_DEG]
         force = np.mean([study.slides[height, spin].force.mean() for spin in SPINS_DEG])
         along, across = (study.slides[height, spin].ripple for spin in (0, 90))
         yield (
-            f"| {height:g} of the height | {force:.2f} | {along:.4f} | {across:.4f} | {max(ripple):.4f} at "
-            f"{SPINS_DEG[np.argmax(ripple)]}° | {metrics.rms(np.array(ripple)):.4f} |"
+            f"| {height:g} of the height | {force:.2f} | {along:.4f} | {across:.4f} | "
+            f"{max(ripple):.4f} at {SPINS_DEG[np.argmax(ripple)]}° | "
+            f"{metrics.rms(np.array(ripple)):.4f} |"
         )
     press = np.mean([slide.press for slide in study.slides.values()])
     yield f"\nA press takes {1e3 * press:.2f} ms of CPU time."

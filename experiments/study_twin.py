@@ -1,7 +1,7 @@
 """Does the twin's arm behave as a UR5e, and its wrist sensor as the one named?
 
-The arm's answer to servoj, its energy when let go, its repetition to the last bit, what its kinematic deviations do to
-the tip, and what each class of wrist sensor reads.
+The arm's answer to servoj, its energy when let go, its repetition to the last bit, what its
+kinematic deviations do to the tip, and what each class of wrist sensor reads.
 """
 
 from collections.abc import Iterator
@@ -68,11 +68,18 @@ def run(out: Path, *, seed: int) -> Study:
                 "not read": arm_accuracy.along(motion.q[::50], scene.X_FP, "uncalibrated", seed),
                 "read": arm_accuracy.along(motion.q[::50], scene.X_FP, "calibrated", seed),
             },
-            sensors=[wrist_readings.read(WrenchSensorConfig(quality=quality, seed=seed)) for quality in WRENCH_CLASSES],
+            sensors=[
+                wrist_readings.read(WrenchSensorConfig(quality=quality, seed=seed))
+                for quality in WRENCH_CLASSES
+            ],
             repeated=_repeated(scene, motion),
         )
-        figures = twin_figures.write(folder, study.responses, study.swings, study.arms, study.sensors)
-        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()})
+        figures = twin_figures.write(
+            folder, study.responses, study.swings, study.arms, study.sensors
+        )
+        writing.write_json(
+            folder / "study.json", {"seed": seed, **_summary(study), "versions": writing.versions()}
+        )
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 
@@ -83,12 +90,16 @@ def _repeated(scene: Scene, motion: Motion) -> int:
     Raises:
         AssertionError: Two of them differ.
     """
-    part = replace(motion, q=motion.q[:REPEATED_ROWS], qd=motion.qd[:REPEATED_ROWS], s=motion.s[:REPEATED_ROWS])
+    part = replace(
+        motion, q=motion.q[:REPEATED_ROWS], qd=motion.qd[:REPEATED_ROWS], s=motion.s[:REPEATED_ROWS]
+    )
     logs = [_scanned(scene, part) for _ in range(2)]
     for (truth, wrench), (other_truth, other_wrench) in [logs]:
         assert np.array_equal(wrench, other_wrench), "two runs must read the same wrenches"
         for name, values in vars(truth).items():
-            assert np.array_equal(values, getattr(other_truth, name)), f"two runs must agree in {name}"
+            assert np.array_equal(values, getattr(other_truth, name)), (
+                f"two runs must agree in {name}"
+            )
     truth, wrench = logs[0]
     return int(wrench.size + sum(values.size for values in vars(truth).values()))
 
@@ -139,14 +150,20 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
     yield "# The twin: arm and wrist sensor"
     for name in figures:
         yield f"\n![{name}]({name}.png)"
-    yield "\n## servoj: lag on a ramp, time to half of a step, overshoot (joints 1 to 6, least to most)\n"
-    yield "| lookahead [s] | gain | lag [ms] | law's lag [ms] | half of a step [ms] | overshoot [%] |"
+    yield (
+        "\n## servoj: lag on a ramp, time to half of a step, overshoot (joints 1 to 6, least to "
+        "most)\n"
+    )
+    yield (
+        "| lookahead [s] | gain | lag [ms] | law's lag [ms] | half of a step [ms] | overshoot [%] |"
+    )
     yield "|---|---|---|---|---|---|"
     for r in study.responses:
         lag, half = np.sort(r.ramp_lag * 1e3), np.sort(r.half_time * 1e3)
         yield (
             f"| {r.config.lookahead_time:g} | {r.config.gain:g} | {lag[0]:.1f} .. {lag[-1]:.1f} | "
-            f"{r.config.nominal_lag * 1e3:.0f} | {half[0]:.1f} .. {half[-1]:.1f} | {100 * r.overshoot:.1f} |"
+            f"{r.config.nominal_lag * 1e3:.0f} | {half[0]:.1f} .. {half[-1]:.1f} | "
+            f"{100 * r.overshoot:.1f} |"
         )
     yield f"\n## Energy of the free arm over {free_swing.DURATION:.0f} s\n"
     yield "| integrator, step | largest drift over the largest kinetic energy |"
@@ -160,13 +177,17 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
         yield f"| {name} | {mean:.2f} | {p95:.2f} | {np.degrees(arms.tilt.mean()):.3f} |"
     yield "\n## Wrist sensors\n"
     yield (
-        "| class | noise RMS [N] | drift in 5 min [N] | tilted by 50°, most [N] | error of 5 N [N] | "
-        "shaken in air, RMS [N] | of an inertia of [N] |"
+        "| class | noise RMS [N] | drift in 5 min [N] | tilted by 50°, most [N] | error of 5 N [N] "
+        "| shaken in air, RMS [N] | of an inertia of [N] |"
     )
     yield "|---|---|---|---|---|---|---|"
     for s in study.sensors:
         yield (
-            f"| {s.quality} | {s.noise_rms:.3f} | {s.drifted:.2f} | {s.tilted.max():.2f} | {s.contact_error:+.3f} | "
-            f"{np.sqrt((s.shaken**2).mean()):.3f} | {s.inertia.max():.2f} |"
+            f"| {s.quality} | {s.noise_rms:.3f} | {s.drifted:.2f} | {s.tilted.max():.2f} | "
+            f"{s.contact_error:+.3f} | {np.sqrt((s.shaken**2).mean()):.3f} | {s.inertia.max():.2f} "
+            "|"
         )
-    yield f"\nTwo runs of a controlled scan agree in all {study.repeated} numbers of their logs, to the last bit."
+    yield (
+        f"\nTwo runs of a controlled scan agree in all {study.repeated} numbers of their logs, "
+        "to the last bit."
+    )

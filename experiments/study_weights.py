@@ -1,7 +1,8 @@
 """What does the weight of a control vertex do to a NURBS curve? [Zhang, Eq. 16]
 
-The same control vertices with one weight changed: the curve is drawn to the vertex or let go, and stays as it is beyond
-the vertex's own four spans. Interpolation with other weights still passes every point, so the scan leaves them at 1.
+The same control vertices with one weight changed: the curve is drawn to the vertex or let go, and
+stays as it is beyond the vertex's own four spans. Interpolation with other weights still passes
+every point, so the scan leaves them at 1.
 """
 
 from pathlib import Path
@@ -21,14 +22,16 @@ RADIUS = 0.06
 
 
 def run(out: Path, *, seed: int) -> dict[float, float]:
-    """Draw the curves and the interpolating ones; leave `weights.png`, `study.md` and `study.json` in `out`.
+    """Draw the curves and the interpolating ones; leave `weights.png`, `study.md` and `study.json`
+    in `out`.
 
     Args:
         out: Where the results go.
         seed: Of the loop's shape.
 
     Returns:
-        Largest distance [m] of the curve with each weight from the one with weight 1, at equal parameter.
+        Largest distance [m] of the curve with each weight from the one with weight 1, at equal
+        parameter.
     """
     points = _loop(seed)
     u = np.linspace(0.0, 1.0, SAMPLES)
@@ -43,12 +46,17 @@ def run(out: Path, *, seed: int) -> dict[float, float]:
         _draw(folder / "weights.png", points, pulled, curves, u)
         rows = [f"| {w:g} | {moved[w] * 1e3:.2f} | {missed[w] * 1e3:.1e} |" for w in WEIGHTS]
         head = [
-            "| weight | vertices kept: curve moves by [mm] | points kept: curve misses them by [mm] |",
+            "| weight | vertices kept: curve moves by [mm] | points kept: curve misses them by "
+            "[mm] |",
             "|---|---|---|",
         ]
         (folder / "study.md").write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
-        values = [{"weight": w, "moved_mm": moved[w] * 1e3, "missed_mm": missed[w] * 1e3} for w in WEIGHTS]
-        writing.write_json(folder / "study.json", {"seed": seed, "weights": values, "versions": writing.versions()})
+        values = [
+            {"weight": w, "moved_mm": moved[w] * 1e3, "missed_mm": missed[w] * 1e3} for w in WEIGHTS
+        ]
+        writing.write_json(
+            folder / "study.json", {"seed": seed, "weights": values, "versions": writing.versions()}
+        )
     return moved
 
 
@@ -72,7 +80,11 @@ def _largest_miss(curve: Nurbs, points: Float[np.ndarray, "n 2"]) -> float:
 
 
 def _draw(
-    path: Path, points: Float[np.ndarray, "n 2"], pulled: dict[float, Nurbs], curves: dict[float, Nurbs], u: np.ndarray
+    path: Path,
+    points: Float[np.ndarray, "n 2"],
+    pulled: dict[float, Nurbs],
+    curves: dict[float, Nurbs],
+    u: np.ndarray,
 ) -> None:
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -83,7 +95,14 @@ def _draw(
             x, y = curve.evaluate(u).T * 1e3
             axis.plot(x, y, label=f"weight {weight:g}", linewidth=1.6)
         axis.set(title=title, xlabel="x [mm]", aspect="equal")
-    axes[0].plot(*np.vstack([vertices, vertices[:1]]).T, "o:", color="0.6", markersize=4, linewidth=1, label="vertices")
+    axes[0].plot(
+        *np.vstack([vertices, vertices[:1]]).T,
+        "o:",
+        color="0.6",
+        markersize=4,
+        linewidth=1,
+        label="vertices",
+    )
     axes[0].plot(*vertices[VERTEX], "ks", markersize=7, label="weighted vertex")
     axes[1].plot(*(points * 1e3).T, "ko", markersize=4, label="points")
     axes[0].set_ylabel("y [mm]")

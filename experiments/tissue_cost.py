@@ -1,4 +1,6 @@
-"""What the soft phantom costs: its first build, the cache, a press, and how much its mesh shows in the force."""
+"""What the soft phantom costs: its first build, the cache, a press, and how much its mesh shows
+in the force.
+"""
 
 import os
 import tempfile
@@ -26,8 +28,8 @@ FINER = (800, 1600)
 """Finite-element vertices on the skin that the default is held against."""
 PLACES = np.linspace(0, 2 * np.pi, 8, endpoint=False)
 HEIGHTS, SPINS_DEG = (0.3, 0.5, 0.7), tuple(range(0, 180, 15))
-"""Contours, over the breast's height, and spins of the probe in which it slides along them: at 0 the array lies along
-the way, at 90 across it [deg]."""
+"""Contours, over the breast's height, and spins of the probe in which it slides along them: at 0
+the array lies along the way, at 90 across it [deg]."""
 SLIDE_DEPTH = 0.006
 """About 5 N [m]."""
 SLIDE_STEP = 2.5e-4
@@ -68,7 +70,10 @@ class Slide:
 def builds() -> dict[str, Build]:
     """Build each of `CASES` in turn, with a cache that is empty at first."""
     found = {}
-    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, {"XDG_CACHE_HOME": folder}):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        patch.dict(os.environ, {"XDG_CACHE_HOME": folder}),
+    ):
         for name, config in CASES.items():
             start = time.process_time()
             SoftTissue.build(Phantom(config))
@@ -81,14 +86,23 @@ def builds() -> dict[str, Build]:
 def convergence(
     phantom: Phantom, soft: SoftTissue, depths: Float[np.ndarray, "n"]
 ) -> dict[int, Float[np.ndarray, "n"]]:
-    """Largest relative change of the force at each depth, over `PLACES`, where the finite elements are finer."""
+    """Largest relative change of the force at each depth, over `PLACES`, where the finite
+    elements are finer.
+    """
 
     def forces(tissue: SoftTissue) -> np.ndarray:
-        return np.array([[axial_force(tissue, pose(phantom, place, depth)) for place in PLACES] for depth in depths])
+        return np.array(
+            [
+                [axial_force(tissue, pose(phantom, place, depth)) for place in PLACES]
+                for depth in depths
+            ]
+        )
 
     usual = forces(soft)
     return {
-        points: np.abs(usual / forces(SoftTissue(phantom, compute_compliance(phantom, points))) - 1).max(axis=1)
+        points: np.abs(
+            usual / forces(SoftTissue(phantom, compute_compliance(phantom, points))) - 1
+        ).max(axis=1)
         for points in FINER
     }
 

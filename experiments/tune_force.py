@@ -1,9 +1,10 @@
 """With which gains does each force law do best? The same search, budget and tests for all of them.
 
-`python -m experiments.tune_force` searches on the reduced model (`experiments.reduced_contact`): scrambled Sobol
-points over wide bounds, then Nelder and Mead's simplex from the best of them, every law with the same number of
-evaluations. An evaluation is the mean error over all cases, each over what is asked of it; among the cases is a plant
-that nobody told the law of, half as stiff again and with a servo 8 ms later. What ships are the gains that come out.
+`python -m experiments.tune_force` searches on the reduced model (`experiments.reduced_contact`):
+scrambled Sobol points over wide bounds, then Nelder and Mead's simplex from the best of them, every
+law with the same number of evaluations. An evaluation is the mean error over all cases, each over
+what is asked of it; among the cases is a plant that nobody told the law of, half as stiff again and
+with a servo 8 ms later. What ships are the gains that come out.
 """
 
 from collections.abc import Callable
@@ -85,12 +86,14 @@ class Case:
     """Set-point [N]."""
 
 
-def _plant(sensor: str, seed: int, *skins: Callable, **settings: object) -> Plant:
-    return Plant(sensor=SENSORS[sensor], skin=together(waviness(seed), *skins), **settings)  # type: ignore[arg-type]
+def _plant(sensor: str, seed: int, *skins: Callable, **settings: Any) -> Plant:
+    return Plant(sensor=SENSORS[sensor], skin=together(waviness(seed), *skins), **settings)
 
 
 def _inclusion(time: float) -> float:
-    """A mass four times as stiff as the tissue around it, felt as half as stiff again, over 20 mm of path."""
+    """A mass four times as stiff as the tissue around it, felt as half as stiff again, over 20
+    mm of path.
+    """
     return 1.0 + 0.5 * float(np.exp(-(((time - 3.5) / 0.4) ** 2)))
 
 
@@ -100,25 +103,32 @@ def cases() -> dict[str, Case]:
     up, down = (ramped(height, start=3.0, duration=2.0) for height in (-0.010, 0.010))
     return {
         "nominal, industrial": Case(plant=lambda s: _plant("industrial", s), bar=0.08),
-        "10 kPa, 3 N, industrial": Case(plant=lambda s: _plant("industrial", s, young=10e3), bar=0.08, force=3.0),
+        "10 kPa, 3 N, industrial": Case(
+            plant=lambda s: _plant("industrial", s, young=10e3), bar=0.08, force=3.0
+        ),
         "nominal, built-in": Case(plant=lambda s: _plant("ur5e_builtin", s), bar=0.25),
         "breathing, 20 kPa, industrial": Case(
             plant=lambda s: _plant("industrial", s, sine(phase=s), young=20e3), bar=0.15
         ),
-        "breathing, 40 kPa, ideal": Case(plant=lambda s: _plant("ideal", s, cos4(phase=s), young=40e3), bar=0.25),
+        "breathing, 40 kPa, ideal": Case(
+            plant=lambda s: _plant("ideal", s, cos4(phase=s), young=40e3), bar=0.25
+        ),
         "breathing, 20 kPa, built-in": Case(
             plant=lambda s: _plant("ur5e_builtin", s, cos4(phase=s), young=20e3), bar=0.25
         ),
         "10 mm nearer, industrial": Case(plant=lambda s: _plant("industrial", s, up), bar=0.15),
         "10 mm farther, industrial": Case(plant=lambda s: _plant("industrial", s, down), bar=0.15),
         "inclusion, 20 kPa, industrial": Case(
-            plant=lambda s: _plant("industrial", s, young=20e3, stiffness_scale=_inclusion), bar=0.15
+            plant=lambda s: _plant("industrial", s, young=20e3, stiffness_scale=_inclusion),
+            bar=0.15,
         ),
         "perturbed: 1.5 x 40 kPa, 42 ms, breathing": Case(
             plant=lambda s: _plant("industrial", s, sine(phase=s), young=60e3, lag=0.042), bar=0.25
         ),
         "perturbed: 60 kPa, 10 N, 42 ms, breathing": Case(
-            plant=lambda s: _plant("industrial", s, cos4(phase=s), young=60e3, lag=0.042), bar=0.5, force=10.0
+            plant=lambda s: _plant("industrial", s, cos4(phase=s), young=60e3, lag=0.042),
+            bar=0.5,
+            force=10.0,
         ),
         "perturbed: 1.5 x 40 kPa, 42 ms, nearer": Case(
             plant=lambda s: _plant("industrial", s, up, young=60e3, lag=0.042), bar=0.25
@@ -148,7 +158,9 @@ def with_values(config: ContactConfig, values: dict[str, float]) -> ContactConfi
 
 def _with_value(config: Any, path: list[str], value: float) -> Any:
     name, *rest = path
-    return replace(config, **{name: _with_value(getattr(config, name), rest, value) if rest else value})
+    return replace(
+        config, **{name: _with_value(getattr(config, name), rest, value) if rest else value}
+    )
 
 
 def tune(law: str) -> tuple[dict[str, float], float]:
@@ -174,16 +186,23 @@ def main(out: Path = Path("out/tune_force")) -> None:
     """Tune every law, print its gains and its errors on held-out seeds."""
     console = Console(width=160)
     work = joblib.Parallel(n_jobs=2, return_as="generator")
-    tuned: dict[str, tuple[dict[str, float], float]] = {}
-    for law, (values, least) in zip(LAWS, work(joblib.delayed(tune)(law) for law in LAWS), strict=True):  # type: ignore[misc]
-        console.print(law, round(least, 3), {name: float(f"{value:.3g}") for name, value in values.items()})
+    tuned: dict[Any, tuple[dict[str, float], float]] = {}
+    found: Any = work(joblib.delayed(tune)(law) for law in LAWS)
+    for law, (values, least) in zip(LAWS, found, strict=True):
+        console.print(
+            law, round(least, 3), {name: float(f"{value:.3g}") for name, value in values.items()}
+        )
         tuned[law] = values, least
     table = Table("case", *LAWS, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
-    configs = {law: with_values(ContactConfig(law=law), values) for law, (values, _) in tuned.items()}  # type: ignore[arg-type]
+    configs = {
+        law: with_values(ContactConfig(law=law), values) for law, (values, _) in tuned.items()
+    }
     for name, case in cases().items():
         errors = [error(config, case, HELD_OUT_SEED) for config in configs.values()]
         table.add_row(name, *(f"{value:.3f}" for value in errors))
-    table.add_row("mean over its bar, tuning seed", *(f"{least:.3f}" for _, least in tuned.values()))
+    table.add_row(
+        "mean over its bar, tuning seed", *(f"{least:.3f}" for _, least in tuned.values())
+    )
     console.print(table)
     out.mkdir(parents=True, exist_ok=True)
     writing.write_json(out / "gains.json", {law: values for law, (values, _) in tuned.items()})

@@ -1,4 +1,6 @@
-"""How arm and wrist sensor behave, drawn: servoj's answers, energy, arms that deviate, and what sensors read."""
+"""How arm and wrist sensor behave, drawn: servoj's answers, energy, arms that deviate, and what
+sensors read.
+"""
 
 from pathlib import Path
 
@@ -60,8 +62,15 @@ def _servo(responses: list[Response]) -> Figure:
         of_gain = [r for r in responses if r.config.gain == gain]
         times = [1e3 * r.config.lookahead_time for r in of_gain]
         lag.plot(times, [1e3 * r.ramp_lag[JOINT] for r in of_gain], "o", color=colour, markersize=5)
-        lag.plot(times, [1e3 * r.half_time[JOINT] for r in of_gain], "s-", color=colour, markersize=4, linewidth=1,
-                 label=f"{gain:.0f}")  # fmt: skip
+        lag.plot(
+            times,
+            [1e3 * r.half_time[JOINT] for r in of_gain],
+            "s-",
+            color=colour,
+            markersize=4,
+            linewidth=1,
+            label=f"{gain:.0f}",
+        )
     nominal = [1e3 * ServoConfig(lookahead_time=time).nominal_lag for time in LOOKAHEADS]
     lag.plot([1e3 * time for time in LOOKAHEADS], nominal, **theme.PLANNED_LINE)
     lag.set(xlabel="lookahead time [ms]", ylabel="[ms]")
@@ -74,17 +83,32 @@ def _arm(swings: dict[str, Swing], arms: dict[str, Accuracy]) -> Figure:
     figure, axes = theme.panels(1, 2, height_in=3.2)
     energy, tip = axes[0]
     for colour, (name, swing) in zip(COLOURS, swings.items(), strict=False):
-        energy.semilogy(swing.time[1:], np.maximum(np.abs(swing.drift[1:]), 1e-14), color=colour, linewidth=1.1,
-                        label=name)  # fmt: skip
+        energy.semilogy(
+            swing.time[1:],
+            np.maximum(np.abs(swing.drift[1:]), 1e-14),
+            color=colour,
+            linewidth=1.1,
+            label=name,
+        )
     energy.axhline(1e-4, **theme.PLANNED_LINE)
     energy.set(xlabel="time [s]", ylabel="|drift| / largest kinetic energy", ylim=(1e-14, 1))
     energy.legend(frameon=False, fontsize=8.5, loc="center")
     theme.title(energy, "Energy of the arm, let go without friction")
     for colour, (name, accuracy) in zip(COLOURS, arms.items(), strict=False):
         of_arms = np.sort(1e3 * accuracy.position.mean(axis=1))
-        tip.step(of_arms, np.arange(1, len(of_arms) + 1) / len(of_arms), where="post", color=colour, linewidth=1.6,
-                 label=f"calibration {name}")  # fmt: skip
-    tip.set(xlabel="mean distance of the true tip from the planned one [mm]", ylabel="share of the arms", xscale="log")
+        tip.step(
+            of_arms,
+            np.arange(1, len(of_arms) + 1) / len(of_arms),
+            where="post",
+            color=colour,
+            linewidth=1.6,
+            label=f"calibration {name}",
+        )
+    tip.set(
+        xlabel="mean distance of the true tip from the planned one [mm]",
+        ylabel="share of the arms",
+        xscale="log",
+    )
     tip.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
     tip.legend(frameon=False, fontsize=8.5, loc="center")
     theme.title(tip, f"{len(next(iter(arms.values())).position)} arms around the loop")
@@ -96,18 +120,42 @@ def _wrist(sensors: list[Readings]) -> Figure:
     (drift, spectrum), (tilt, shake) = axes
     for colour, one in zip(COLOURS, sensors, strict=False):
         each_second = one.wait.reshape(-1, round(1.0 / PERIOD), 3).mean(axis=1)
-        drift.plot(np.arange(len(each_second)), np.linalg.norm(each_second, axis=1), color=colour, linewidth=1.4,
-                   label=one.quality)  # fmt: skip
-        tilt.step(np.sort(one.tilted), np.arange(1, len(one.tilted) + 1) / len(one.tilted), where="post", color=colour,
-                  linewidth=1.6, label=one.quality)  # fmt: skip
-        shake.plot(PERIOD * np.arange(len(one.shaken)), one.shaken, color=colour, linewidth=1.0, label=one.quality)
+        drift.plot(
+            np.arange(len(each_second)),
+            np.linalg.norm(each_second, axis=1),
+            color=colour,
+            linewidth=1.4,
+            label=one.quality,
+        )
+        tilt.step(
+            np.sort(one.tilted),
+            np.arange(1, len(one.tilted) + 1) / len(one.tilted),
+            where="post",
+            color=colour,
+            linewidth=1.6,
+            label=one.quality,
+        )
+        shake.plot(
+            PERIOD * np.arange(len(one.shaken)),
+            one.shaken,
+            color=colour,
+            linewidth=1.0,
+            label=one.quality,
+        )
         errors = WRENCH_CLASSES[one.quality]
         if errors.force_noise == 0:
             continue
-        spectrum.loglog(one.frequency[2:-1], one.density[2:-1], color=colour, linewidth=1.3, label=one.quality)
-        spectrum.loglog(one.frequency[2:-1], _expected(one.frequency[2:-1], errors.force_noise, errors.bandwidth),
-                        **theme.PLANNED_LINE)  # fmt: skip
-    shake.plot(PERIOD * np.arange(len(sensors[0].inertia)), sensors[0].inertia, **theme.PLANNED_LINE)
+        spectrum.loglog(
+            one.frequency[2:-1], one.density[2:-1], color=colour, linewidth=1.3, label=one.quality
+        )
+        spectrum.loglog(
+            one.frequency[2:-1],
+            _expected(one.frequency[2:-1], errors.force_noise, errors.bandwidth),
+            **theme.PLANNED_LINE,
+        )
+    shake.plot(
+        PERIOD * np.arange(len(sensors[0].inertia)), sensors[0].inertia, **theme.PLANNED_LINE
+    )
     drift.set(xlabel="time since the tare [s]", ylabel="force, mean of 1 s [N]")
     spectrum.set(xlabel="frequency [Hz]", ylabel="noise [N²/Hz]")
     tilt.set(xlabel="force read, nothing touching [N]", ylabel="share of the poses")

@@ -1,4 +1,8 @@
-"""Conjugate gradients for quadratic finite elements, with the linear elements as their coarse level."""
+"""Conjugate gradients for quadratic finite elements, with the linear elements as their coarse
+level.
+"""
+
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -21,13 +25,17 @@ class TwoLevel:
         """Keep the way from the coarse nodes' values to the fine nodes'."""
         self._P = scipy.sparse.kron(prolongation, scipy.sparse.eye_array(3), format="csr")
 
-    def solve(self, A: scipy.sparse.bsr_array, right: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    def solve(
+        self, A: scipy.sparse.bsr_array, right: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n 3"]:
         """The solution of `A x = right` to `REDUCTION`."""
         rows = np.repeat(np.arange(len(right)), np.diff(A.indptr))
         inverses = np.linalg.inv(A.data[rows == A.indices])
         A_csr = A.tocsr()
         coarse = splu(
-            (self._P.T @ A_csr @ self._P).tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+            (self._P.T @ A_csr @ self._P).tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            options={"SymmetricMode": True},
         )
         smoother = _Chebyshev(A_csr, inverses)
 
@@ -36,7 +44,8 @@ class TwoLevel:
             x += self._P @ coarse.solve(self._P.T @ (r.ravel() - A_csr @ x))
             return smoother(r.ravel(), x)
 
-        preconditioner = LinearOperator(A.shape, matvec=precondition, dtype=float)  # pyright: ignore[reportCallIssue]
+        operator: Any = LinearOperator
+        preconditioner = operator(A.shape, matvec=precondition, dtype=float)
         x, failed = cg(A_csr, right.ravel(), rtol=REDUCTION, M=preconditioner, maxiter=400)
         if failed:
             raise ArithmeticError("the finite elements' conjugate gradients do not converge")

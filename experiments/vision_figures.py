@@ -1,6 +1,8 @@
-"""What do the cameras see, and what becomes of it? The counterparts of [Zhang, Figs. 5, 6, 7] from the twin.
+"""What do the cameras see, and what becomes of it? The counterparts of [Zhang, Figs. 5, 6, 7] from
+the twin.
 
-`python -m experiments.vision_figures RUN OUT` draws them from the pair that `breastscan scan --out RUN` left.
+`python -m experiments.vision_figures RUN OUT` draws them from the pair that `breastscan scan --out
+RUN` left.
 """
 
 from pathlib import Path
@@ -38,7 +40,9 @@ def main(run: Path, out: Path, seed: int = 0) -> None:
         out: Folder for vision_rectified.png, vision_disparity.png and vision_cloud.png.
         seed: The scan's.
     """
-    images = StereoPair(left=read_grey(run / "left.png"), right=read_grey(run / "right.png"), time=0.0)
+    images = StereoPair(
+        left=read_grey(run / "left.png"), right=read_grey(run / "right.png"), time=0.0
+    )
     result = perceive(images, Scene(SceneConfig().seeded(seed)).rig, ScanConfig(), Stages())
     writing.write_image(out / "vision_rectified.png", _rectified(result))
     writing.write_image(out / "vision_disparity.png", _disparity(result))

@@ -1,4 +1,6 @@
-"""What each class of wrist sensor makes of a tool at rest, of a long wait, of other poses, and of a shaken arm."""
+"""What each class of wrist sensor makes of a tool at rest, of a long wait, of other poses, and
+of a shaken arm.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -44,9 +46,11 @@ class Readings:
     density: Float[np.ndarray, "f"]
     """Noise of a force component [N^2/Hz]."""
     tilted: Float[np.ndarray, "k"]
-    """Force read with nothing touching, tilted in every direction after a tare looking down, without noise [N]."""
+    """Force read with nothing touching, tilted in every direction after a tare looking down,
+    without noise [N]."""
     contact_error: float
-    """Error of a contact of 5 N along the probe, positive if too little is read; without noise [N]."""
+    """Error of a contact of 5 N along the probe, positive if too little is read; without noise
+    [N]."""
     shaken: Float[np.ndarray, "n"]
     """Force read while the arm shakes the tool in the air [N]."""
     inertia: Float[np.ndarray, "n"]
@@ -61,15 +65,21 @@ class Readings:
     def drifted(self) -> float:
         """Force that has crept in by the end of the wait [N]."""
         second = round(1.0 / PERIOD)
-        return float(np.linalg.norm(self.wait[-second:].mean(axis=0) - self.wait[:second].mean(axis=0)))
+        return float(
+            np.linalg.norm(self.wait[-second:].mean(axis=0) - self.wait[:second].mean(axis=0))
+        )
 
 
 def read(config: WrenchSensorConfig) -> Readings:
     """Put one sensor through all of it."""
     scene = Scene(SceneConfig(wrist=config))
     wait = _held(scene, config, [DOWN], round(WAIT / PERIOD))
-    frequency, density = signal.welch(signal.detrend(wait, axis=0), 1 / PERIOD, nperseg=SEGMENT, axis=0)
-    still = replace(config, force_noise=0.0, torque_noise=0.0, drift=0.0, resolution=0.0, bandwidth=np.inf)
+    frequency, density = signal.welch(
+        signal.detrend(wait, axis=0), 1 / PERIOD, nperseg=SEGMENT, axis=0
+    )
+    still = replace(
+        config, force_noise=0.0, torque_noise=0.0, drift=0.0, resolution=0.0, bandwidth=np.inf
+    )
     tilted = _held(scene, still, [DOWN, *_tilts(config.seed)], 1)
     shaken, inertia = _shaken(scene)
     return Readings(
@@ -84,8 +94,12 @@ def read(config: WrenchSensorConfig) -> Readings:
     )
 
 
-def _held(scene: Scene, config: WrenchSensorConfig, orientations: list[np.ndarray], periods: int) -> np.ndarray:
-    """Forces at the tip with the flange held still in each orientation in turn, for so many periods."""
+def _held(
+    scene: Scene, config: WrenchSensorConfig, orientations: list[np.ndarray], periods: int
+) -> np.ndarray:
+    """Forces at the tip with the flange held still in each orientation in turn, for so many
+    periods.
+    """
     load = payload(scene.config.mount_angle)
     sensor, weight = WrenchSensor(config, load, scene.X_FP), load_map(load, MEASURED_AT_F)
     rows = []
@@ -105,7 +119,10 @@ def _tilts(seed: int) -> list[np.ndarray]:
 
 def _contact_error(scene: Scene, config: WrenchSensorConfig) -> float:
     load = payload(scene.config.mount_angle)
-    sensor, weight_F = WrenchSensor(config, load, scene.X_FP), load_map(load, MEASURED_AT_F) @ (DOWN.T @ GRAVITY_B)
+    sensor, weight_F = (
+        WrenchSensor(config, load, scene.X_FP),
+        load_map(load, MEASURED_AT_F) @ (DOWN.T @ GRAVITY_B),
+    )
     sensor.tare(sensor.measure(weight_F, DOWN, REST, REST))
     force_F = scene.X_FP[:3, :3] @ CONTACT_P
     contact_F = np.concatenate([force_F, np.cross(scene.X_FP[:3, 3] - MEASURED_AT_F, force_F)])
@@ -115,7 +132,9 @@ def _contact_error(scene: Scene, config: WrenchSensorConfig) -> float:
 
 def _shaken(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Force read, and force that the tool's motion takes, while the arm shakes [N]."""
-    robot, read, velocity = SimRobot(scene), [], []
+    robot = SimRobot(scene)
+    read = []
+    velocity = []
     robot.tare()
     centre_F = payload(scene.config.mount_angle).centre_F
     for t in np.arange(0.0, 1.5, PERIOD):
@@ -126,4 +145,6 @@ def _shaken(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         X_BF = scene.arm.forward(state.q)
         velocity.append(X_BF[:3, :3] @ centre_F + X_BF[:3, 3])
     acceleration = np.gradient(np.gradient(np.array(velocity), PERIOD, axis=0), PERIOD, axis=0)
-    return np.array(read), payload(scene.config.mount_angle).mass * np.linalg.norm(acceleration, axis=1)
+    return np.array(read), payload(scene.config.mount_angle).mass * np.linalg.norm(
+        acceleration, axis=1
+    )

@@ -1,4 +1,5 @@
-"""How far is each stage from the truth? The simulation knows the skin, so every error is told from every other.
+"""How far is each stage from the truth? The simulation knows the skin, so every error is told from
+every other.
 
 Reads what a scan made and what the twin logged; nothing here flows back into the scan.
 """
@@ -19,9 +20,11 @@ from sim.truth import Truth
 from sim.truth_log import TruthLog
 
 STEADY_AFTER = 1.0
-"""Force is judged from this long after the loop starts [s]: until then the contact settles into the motion."""
+"""Force is judged from this long after the loop starts [s]: until then the contact settles into the
+motion."""
 REPLAY_STEP = 10
-"""Every so many control periods the contact is solved again, to find its place on the skin (every .5 mm)."""
+"""Every so many control periods the contact is solved again, to find its place on the skin (every
+.5 mm)."""
 PATH_SAMPLES = 1000
 """Points at which the planned curve is held against the skin."""
 
@@ -43,8 +46,8 @@ def surface_metrics(
 ) -> dict[str, float]:
     """Reconstructed points and normals against the true skin.
 
-    Every point counts, also one where no skin is; the density is the share of the pixels seeing skin that the right
-    camera sees too, that have a point.
+    Every point counts, also one where no skin is; the density is the share of the pixels seeing
+    skin that the right camera sees too, that have a point.
     """
     found = np.isfinite(reconstruction.points_L[..., 0])
     error_mm = truth.distance(se3.transform(X_SL, reconstruction.points_L[found])) * 1e3
@@ -79,10 +82,16 @@ def seen_by_both(
 def path_metrics(path: Path, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, float]:
     """The planned curve against the true skin."""
     points_B = path.curve.evaluate(np.linspace(0.0, 1.0, PATH_SAMPLES))
-    return {"path_surface_rmse_mm": rms(truth.distance(se3.transform(se3.inverse(X_BS), points_B)) * 1e3)}
+    return {
+        "path_surface_rmse_mm": rms(
+            truth.distance(se3.transform(se3.inverse(X_BS), points_B)) * 1e3
+        )
+    }
 
 
-def with_truth(trajectory: Trajectory, log: TruthLog, places: ContactPlaces | None = None) -> Trajectory:
+def with_truth(
+    trajectory: Trajectory, log: TruthLog, places: ContactPlaces | None = None
+) -> Trajectory:
     """The trajectory with the true contact beside the measured one.
 
     Given `places`, the tilt as well: interpolated between them, NaN where there is no contact.
@@ -99,12 +108,18 @@ def with_truth(trajectory: Trajectory, log: TruthLog, places: ContactPlaces | No
 def matching_rows(trajectory: Trajectory, log: TruthLog) -> Int[np.ndarray, "n"]:
     """Rows of the truth at the trajectory's instants; both run on the robot's clock."""
     rows = np.searchsorted(log.time, trajectory.t)
-    assert np.array_equal(log.time[rows], trajectory.t), "the truth and the trajectory share one clock"
+    assert np.array_equal(log.time[rows], trajectory.t), (
+        "the truth and the trajectory share one clock"
+    )
     return rows
 
 
-def contact_places(trajectory: Trajectory, log: TruthLog, tissue: Mechanics, truth: Truth) -> ContactPlaces:
-    """Press the probe again where it was during the loop, and look up which point of the skin lies under its tip."""
+def contact_places(
+    trajectory: Trajectory, log: TruthLog, tissue: Mechanics, truth: Truth
+) -> ContactPlaces:
+    """Press the probe again where it was during the loop, and look up which point of the skin
+    lies under its tip.
+    """
     on_loop = np.flatnonzero(trajectory.in_loop)[::REPLAY_STEP]
     X_SP = log.X_SP[matching_rows(trajectory, log)[on_loop]]
     points = []
@@ -117,10 +132,16 @@ def contact_places(trajectory: Trajectory, log: TruthLog, tissue: Mechanics, tru
     return ContactPlaces(rows=on_loop, p_S=p_S, tilt=se3.angle_between(-X_SP[:, :3, 2], n_S))
 
 
-def execution_metrics(places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, object]:
-    """The whole chain: touched points of the undeformed skin minus the true half-height loop, in B."""
+def execution_metrics(
+    places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], truth: Truth
+) -> dict[str, object]:
+    """The whole chain: touched points of the undeformed skin minus the true half-height loop, in
+    B.
+    """
     loop_S = truth.half_height_loop()
-    nearest_S = loop_S[np.linalg.norm(places.p_S[:, None] - loop_S[None, ::4], axis=2).argmin(axis=1) * 4]
+    nearest_S = loop_S[
+        np.linalg.norm(places.p_S[:, None] - loop_S[None, ::4], axis=2).argmin(axis=1) * 4
+    ]
     error_mm = se3.rotate(X_BS, places.p_S - nearest_S) * 1e3
     return {
         "executed_truth_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
@@ -130,7 +151,9 @@ def execution_metrics(places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], tru
 
 
 def force_metrics(trajectory: Trajectory, set_point: float) -> dict[str, float]:
-    """True contact force along the probe axis, over the loop from `STEADY_AFTER` on; contact over the whole loop."""
+    """True contact force along the probe axis, over the loop from `STEADY_AFTER` on; contact
+    over the whole loop.
+    """
     assert trajectory.true_force is not None, "`with_truth` comes first"
     assert trajectory.true_depth is not None, "`with_truth` comes first"
     force, t = trajectory.true_force[trajectory.in_loop], trajectory.t[trajectory.in_loop]

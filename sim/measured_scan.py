@@ -1,4 +1,6 @@
-"""One whole scan of the simulated phantom, measured against the truth: what does each stage get wrong?"""
+"""One whole scan of the simulated phantom, measured against the truth: what does each stage get
+wrong?
+"""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -38,18 +40,20 @@ def measured_scan(
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
     keep: Keep = lambda trajectory, error: None,
 ) -> tuple[ScanResult, dict[str, Any]]:
-    """One scan of the twin, and its metrics. The scan sees the images, the rig and the cell's shapes.
+    """One scan of the twin, and its metrics. The scan sees the images, the rig and the cell's
+    shapes.
 
     Args:
         scene: Where it happens.
         tissue: What the probe presses.
         config: The pipeline.
         stages: Takes the wall times and hears of the progress.
-        estimated: The rig that the scan sees with, instead of the true one. Its errors are part of the surface's:
-            points are compared in the robot's base.
+        estimated: The rig that the scan sees with, instead of the true one. Its errors are part of
+            the surface's: points are compared in the robot's base.
         follow: Shown the arm before anything happens.
         on_plan: Shown the plan before the arm moves.
-        keep: Of a scan that is cut off while the probe moves, is given the trajectory so far and the error.
+        keep: Of a scan that is cut off while the probe moves, is given the trajectory so far and
+            the error.
 
     Returns:
         The result, the true contact in its trajectory, and the metrics as in `metrics.json`.
@@ -62,7 +66,9 @@ def measured_scan(
     with stages.stage("cameras"):
         camera = SimStereoCamera(scene, robot)
     with closing(camera):
-        result = scan(robot, camera, cell, config, stages, Clearance(cell, with_chest=False), on_plan, keep)
+        result = scan(
+            robot, camera, cell, config, stages, Clearance(cell, with_chest=False), on_plan, keep
+        )
     with stages.stage("truth"):
         truth, log = Truth(scene.phantom, tissue), robot.truth_log()
         places = error_analysis.contact_places(result.trajectory, log, tissue, truth)
@@ -70,11 +76,15 @@ def measured_scan(
         against_truth = _against_truth(result, cell.rig, scene, truth)
         executed = error_analysis.execution_metrics(places, scene.X_BS, truth)
         forces = error_analysis.force_metrics(trajectory, config.contact.force)
-    without_truth = metrics.of_execution(trajectory, result.plan.feed.fluctuation_pct, result.wall_s["execution"])
+    without_truth = metrics.of_execution(
+        trajectory, result.plan.feed.fluctuation_pct, result.wall_s["execution"]
+    )
     return replace(result, trajectory=trajectory), against_truth | without_truth | executed | forces
 
 
-def _against_truth(result: ScanResult, rig: StereoRig, scene: Scene, truth: Truth) -> dict[str, Any]:
+def _against_truth(
+    result: ScanResult, rig: StereoRig, scene: Scene, truth: Truth
+) -> dict[str, Any]:
     assert rig.X_BL is not None, "a cell's rig has its place in the base"
     X_BS = scene.X_BS_at(result.images.time)
     X_SL = se3.inverse(X_BS) @ rig.X_BL

@@ -7,7 +7,9 @@ from breastscan.vision.camera import StereoRig
 
 
 def rig_errors(rig: StereoRig, truth: StereoRig) -> dict[str, float]:
-    """Errors of the cameras' relative pose and, where the rig has one, of its place in the robot's base."""
+    """Errors of the cameras' relative pose and, where the rig has one, of its place in the
+    robot's base.
+    """
     turn_deg = np.degrees(se3.rotation_vector(rig.X_RL @ se3.inverse(truth.X_RL)))
     errors = {
         "baseline_error_mm": abs(rig.baseline - truth.baseline) * 1e3,

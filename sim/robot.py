@@ -40,16 +40,19 @@ BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 
 class SimRobot:
-    """Implements `breastscan.robot.interface.Robot` in the twin; simulated time passes only while a call runs.
+    """Implements `breastscan.robot.interface.Robot` in the twin; simulated time passes only while a
+    call runs.
 
-    A sample holds what was true when the forces of the latest period were computed: pose, speed, wrench and truth
-    belong to the same instant.
+    A sample holds what was true when the forces of the latest period were computed: pose, speed,
+    wrench and truth belong to the same instant.
     """
 
     period = PERIOD
     """Control period [s]."""
 
-    def __init__(self, scene: Scene, tissue: Mechanics | None = None, q: Float[np.ndarray, "6"] = HOME_Q) -> None:
+    def __init__(
+        self, scene: Scene, tissue: Mechanics | None = None, q: Float[np.ndarray, "6"] = HOME_Q
+    ) -> None:
         """Switch the arm on.
 
         Args:
@@ -66,7 +69,9 @@ class SimRobot:
         self.X_FP = scene.X_FP
         """Pose of the probe tip in the flange."""
         self._look_up()
-        self._sensor = WrenchSensor(scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP)
+        self._sensor = WrenchSensor(
+            scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP
+        )
         self._truth = TruthRecorder()
         self.contact: Contact | None = None
         """What the tissue did to the probe in the latest period; None without tissue."""
@@ -99,7 +104,9 @@ class SimRobot:
 
     @property
     def servo_lag(self) -> float:
-        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport and its law imply."""
+        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport
+        and its law imply.
+        """
         return self._servo_lag
 
     def state(self) -> RobotState:
@@ -107,7 +114,9 @@ class SimRobot:
         return self._sample
 
     def watch(self, after_period: Callable[[], None]) -> None:
-        """Call `after_period` at the end of every period; no simulated time passes while it runs."""
+        """Call `after_period` at the end of every period; no simulated time passes while it
+        runs.
+        """
         self._after_period = after_period
 
     def limit_truth(self, periods: int) -> None:
@@ -122,7 +131,8 @@ class SimRobot:
         """Track `q` [rad] for one period, as the controller's servoj does.
 
         Raises:
-            RobotError: The target is not finite, outside the joint limits, or too far from the previous one.
+            RobotError: The target is not finite, outside the joint limits, or too far from the
+                previous one.
         """
         targets.check_angles(q)
         targets.check_step(q, self._target, PERIOD)
@@ -132,7 +142,8 @@ class SimRobot:
         """Move to `q` [rad] on a straight line in joint space and wait until there.
 
         Raises:
-            RobotError: The target is out of reach, speed or acceleration are not positive, or the arm does not arrive.
+            RobotError: The target is out of reach, speed or acceleration are not positive, or the
+                arm does not arrive.
         """
         targets.check_angles(q)
         targets.check_motion(speed, acceleration)
@@ -152,7 +163,9 @@ class SimRobot:
         self._sample = replace(self._sample, wrench_P=self._sample.wrench_P - zero_P)
 
     def zero_wrench(self) -> None:
-        """Take the latest sample's wrench as zero, noise and all, as the controller's own function does."""
+        """Take the latest sample's wrench as zero, noise and all, as the controller's own
+        function does.
+        """
         self._sensor.tare(self._sample.wrench_P)
         self._sample = replace(self._sample, wrench_P=np.zeros(6))
 
@@ -173,7 +186,9 @@ class SimRobot:
         return full[self._dofs, self._dofs]
 
     def reading_F(self) -> Float[np.ndarray, "6"]:
-        """The wrist sensor's last reading, the tool's weight and all, force first, at its measuring point [N, N m]."""
+        """The wrist sensor's last reading, the tool's weight and all, force first, at its
+        measuring point [N, N m].
+        """
         return self._sensor.reading_F
 
     def set_payload(self, payload: Payload) -> None:
@@ -182,7 +197,9 @@ class SimRobot:
 
     @property
     def course(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
-        """Where the controller has the joints as the latest period ends [rad], and how fast they move there [rad/s]."""
+        """Where the controller has the joints as the latest period ends [rad], and how fast they
+        move there [rad/s].
+        """
         return self._servo.q_end, self._servo.qd
 
     @property
@@ -200,7 +217,9 @@ class SimRobot:
         self._settle()
 
     def snapshot(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "n 3"] | None, float]:
-        """Joint angles [rad], deformed skin in S [m] (None without tissue) and time [s], as a camera would see them."""
+        """Joint angles [rad], deformed skin in S [m] (None without tissue) and time [s], as a
+        camera would see them.
+        """
         skin_S = None if self._tissue is None else self._tissue.deformed_skin()
         return self._sample.q, skin_S, self._sample.time
 
@@ -217,7 +236,9 @@ class SimRobot:
             if error < ARRIVED:
                 return
         raise RobotError(
-            f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
+            f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds "
+            "it",
+            error,
         )
 
     def follow(self, target: Float[np.ndarray, "6"]) -> None:
@@ -238,7 +259,9 @@ class SimRobot:
             raise self._diverged
         data = self._data
         mujoco.mj_step1(self._model, data)
-        time, q, qd = data.time, data.qpos[self._joints].copy(), data.qvel[self._dofs].copy()
+        time = data.time
+        q = data.qpos[self._joints].copy()
+        qd = data.qvel[self._dofs].copy()
         self._wanted_acceleration[self._dofs] = self._servo.qdd
         mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
         inertia_torque = self._torque[self._dofs]
@@ -248,7 +271,9 @@ class SimRobot:
         mujoco.mj_step2(self._model, data)
         load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
         wrench_P = self._sensor.measure(load_F, self._R_BF, *self._tool_motion())
-        self._sample = RobotState(time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._sensor.samples)
+        self._sample = RobotState(
+            time=time, q=q, qd=qd, wrench_P=wrench_P, sample=self._sensor.samples
+        )
         if divergence.has_diverged(data):
             self._diverged = divergence.report(data, q, qd, X_SP)
             raise self._diverged
@@ -260,7 +285,8 @@ class SimRobot:
         velocity, acceleration = np.empty(6), np.empty(6)
         mujoco.mj_objectVelocity(self._model, self._data, BODY, self._tool_id, velocity, 0)
         mujoco.mj_objectAcceleration(self._model, self._data, BODY, self._tool_id, acceleration, 0)
-        return velocity[3:], acceleration[3:] + GRAVITY_W  # MuJoCo's acceleration is that against free fall
+        # MuJoCo's acceleration is that against free fall
+        return velocity[3:], acceleration[3:] + GRAVITY_W
 
     def _press(self, time: float, q: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
         """Let the tissue push the probe where it is now, at `X_SP`, and write the truth down."""
@@ -278,7 +304,9 @@ class SimRobot:
         velocity_S = R_SB @ self._tip_velocity()
         velocity_S[2] -= rising_speed(self._breathing, breath_time)
         contact = self.contact = self._tissue.press(X_SP, velocity_S)
-        force_B, lever_B, moment_B = contact.force_S @ R_SB, self._p_BP - self._tool_centre, np.empty(3)
+        force_B = contact.force_S @ R_SB
+        lever_B = self._p_BP - self._tool_centre
+        moment_B = np.empty(3)
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B
         self._applied[3:] = contact.torque_S @ R_SB + moment_B

@@ -2,8 +2,8 @@
 # (MuJoCo's compiled modules carry no types)
 """The whole scene: one description, compiled once for physics and once for pictures.
 
-The soft skin is a textured mesh whose vertices are overwritten with the deformed surface before every
-picture; physics does not need it, and runs faster without it.
+The soft skin is a textured mesh whose vertices are overwritten with the deformed surface before
+every picture; physics does not need it, and runs faster without it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -45,7 +45,8 @@ from sim.wrist.wrench_sensor import GRAVITY_W
 
 SHADOW_MAP_PX = 2048
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
-"""Joint angles [rad] with the arm parked over its base, out of both cameras' view of the phantom."""
+"""Joint angles [rad] with the arm parked over its base, out of both cameras' view of the
+phantom."""
 LOOKED_AT = 60
 """Points of the half-height loop that must lie in both pictures."""
 LARGEST_MOUNT_ANGLE = np.deg2rad(90.0)
@@ -71,22 +72,32 @@ class SceneConfig:
     def __post_init__(self) -> None:
         p = np.array(self.p_BS, float)
         if p.shape != (3,) or not np.isfinite(p).all():
-            raise ConfigError(f"p_BS must be three finite lengths in metres, got {self.p_BS}", self.p_BS)
+            raise ConfigError(
+                f"p_BS must be three finite lengths in metres, got {self.p_BS}", self.p_BS
+            )
         (left, right), (near, far) = STANDING_ROOM_X, STANDING_ROOM_Y
         if not (left <= p[0] <= right and near <= p[1] <= far):
             raise ConfigError(
-                f"the phantom must stand on the table beside robot and stand, x in {left} .. {right} m and y in "
-                f"{near} .. {far} m, got {self.p_BS}: the default (0.50, 0, 0.08) suits the arm best",
+                f"the phantom must stand on the table beside robot and stand, x in {left} .. "
+                f"{right} m and y in {near} .. {far} m, got {self.p_BS}: the default (0.50, 0, "
+                "0.08) suits the arm best",
                 self.p_BS,
             )
         if p[2] <= 0:
-            raise ConfigError(f"the chest plate must lie above the table (z > 0), got z = {p[2]} m", self.p_BS)
+            raise ConfigError(
+                f"the chest plate must lie above the table (z > 0), got z = {p[2]} m", self.p_BS
+            )
         if not 0 <= self.mount_angle <= LARGEST_MOUNT_ANGLE:
-            raise ConfigError(f"mount_angle must lie in 0 .. pi/2 rad, got {self.mount_angle}", self.mount_angle)
+            raise ConfigError(
+                f"mount_angle must lie in 0 .. pi/2 rad, got {self.mount_angle}", self.mount_angle
+            )
 
     def seeded(self, seed: int) -> "SceneConfig":
         """The scene with its phantom, arm, cameras and sensor drawn from one seed."""
-        drawn = {name: replace(getattr(self, name), seed=seed) for name in ("phantom", "arm", "camera", "wrist")}
+        drawn = {
+            name: replace(getattr(self, name), seed=seed)
+            for name in ("phantom", "arm", "camera", "wrist")
+        }
         return replace(self, **drawn)
 
 
@@ -121,17 +132,30 @@ class Scene:
         return X_BS
 
     def _require_visible(self) -> None:
-        """Refuse a phantom whose half-height loop, which a scan follows, lies outside of a picture."""
-        loop_B = se3.transform(self.X_BS, self.phantom.level_loop(self.phantom.height / 2, LOOKED_AT))
-        for name, camera, X_BC in (("left", self.rig.left, self.X_BL), ("right", self.rig.right, self.X_BR)):
+        """Refuse a phantom whose half-height loop, which a scan follows, lies outside of a
+        picture.
+        """
+        loop_B = se3.transform(
+            self.X_BS, self.phantom.level_loop(self.phantom.height / 2, LOOKED_AT)
+        )
+        for name, camera, X_BC in (
+            ("left", self.rig.left, self.X_BL),
+            ("right", self.rig.right, self.X_BR),
+        ):
             loop_C = se3.transform(se3.inverse(X_BC), loop_B)
-            image = cv2.projectPoints(loop_C, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0][:, 0]
-            inside = (loop_C[:, 2] > 0) & (image > 0).all(axis=1) & (image < (camera.width, camera.height)).all(axis=1)
+            image = cv2.projectPoints(
+                loop_C, np.zeros(3), np.zeros(3), camera.K, camera.distortion
+            )[0][:, 0]
+            inside = (
+                (loop_C[:, 2] > 0)
+                & (image > 0).all(axis=1)
+                & (image < (camera.width, camera.height)).all(axis=1)
+            )
             if not inside.all():
                 raise ConfigError(
-                    f"the {name} camera sees {100 * inside.mean():.0f} % of the breast's half-height loop, and a scan "
-                    f"needs all of it: move the phantom (p_BS = {self.config.p_BS}), make it smaller, or give a rig "
-                    "that looks at it",
+                    f"the {name} camera sees {100 * inside.mean():.0f} % of the breast's "
+                    "half-height loop, and a scan needs all of it: move the phantom (p_BS = "
+                    f"{self.config.p_BS}), make it smaller, or give a rig that looks at it",
                     self.config.p_BS,
                 )
 
@@ -142,7 +166,9 @@ class Scene:
 
     @cached_property
     def pictures(self) -> mujoco.MjModel:
-        """The model that is drawn: with the skin as flex `skin` and the rig's cameras `left` and `right`."""
+        """The model that is drawn: with the skin as flex `skin` and the rig's cameras `left` and
+        `right`.
+        """
         root = self._describe(with_skin=True)
         drawn = canvases(self.rig, self.config.camera.supersampling)
         for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
@@ -151,7 +177,9 @@ class Scene:
 
     @cached_property
     def live(self) -> mujoco.MjModel:
-        """The model that a viewer shows: a viewer gets the state alone, so the skin hangs on mocap bodies."""
+        """The model that a viewer shows: a viewer gets the state alone, so the skin hangs on
+        mocap bodies.
+        """
         root = self._describe(with_skin=True)
         hang_skin(root, self.X_BS, self.phantom.skin)
         return compiled(root)
@@ -159,17 +187,22 @@ class Scene:
     def _describe(self, *, with_skin: bool) -> Element:
         root: Element = mjcf.RootElement(model="breastscan")
         root.compiler.angle = "radian"
-        # Explicit damping: the speeds then change as the accelerations say that the wrist sensor's forces come from.
+        # Explicit damping: the speeds then change as the accelerations say that the wrist sensor's
+        # forces come from.
         root.option.set_attributes(timestep=PERIOD, gravity=GRAVITY_W, integrator="Euler")
         root.option.flag.set_attributes(autoreset="disable", eulerdamp="disable")
         root.statistic.set_attributes(extent=LIT_RADIUS, center=LIT_CENTRE)
         root.visual.map.set_attributes(znear=0.02, zfar=20)
         root.visual.quality.shadowsize = SHADOW_MAP_PX
-        root.visual.headlight.set_attributes(ambient=(0.32, 0.32, 0.33), diffuse=(0.08, 0.08, 0.08), specular=(0, 0, 0))
+        root.visual.headlight.set_attributes(
+            ambient=(0.32, 0.32, 0.33), diffuse=(0.08, 0.08, 0.08), specular=(0, 0, 0)
+        )
         add_room(root)
         add_stand(root, self.X_BL, self.X_BR)
         add_tool(add_arm(root, self.arm), self.config.mount_angle, ProbeFace())
-        chest = add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
+        chest = add_chest(
+            root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None
+        )
         if with_skin:
             _add_skin(root, chest, self.phantom)
         return root
@@ -178,7 +211,9 @@ class Scene:
 def _load_rig(path: Path | None) -> tuple[StereoRig, Float[np.ndarray, "4 4"]]:
     rig = StereoRig.load(path or Path(str(resources.files("assets") / "rig.yaml")))
     if rig.X_BL is None:
-        raise CalibrationError(f"{path} holds no X_BL: the twin must know where its cameras stand", path)
+        raise CalibrationError(
+            f"{path} holds no X_BL: the twin must know where its cameras stand", path
+        )
     return rig, rig.X_BL
 
 

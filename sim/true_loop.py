@@ -1,4 +1,6 @@
-"""The motion around the true half-height loop, planned without cameras: what studies and tests of contact run on."""
+"""The motion around the true half-height loop, planned without cameras: what studies and tests
+of contact run on.
+"""
 
 from breastscan.geometry import se3
 from breastscan.planning import motion
@@ -15,9 +17,13 @@ LOOP_POINTS = 15
 
 
 def true_loop_motion(scene: Scene, tissue: Mechanics) -> Motion:
-    """The motion through 15 points of the true loop, with the truth's normals and the nominal arm."""
+    """The motion through 15 points of the true loop, with the truth's normals and the nominal
+    arm.
+    """
     truth = Truth(scene.phantom, tissue)
     loop_S = truth.half_height_loop()
     points_S, normals_S = truth.closest(loop_S[:: len(loop_S) // LOOP_POINTS][:LOOP_POINTS])
-    path = Path(points_B=se3.transform(scene.X_BS, points_S), normals_B=se3.rotate(scene.X_BS, normals_S))
+    path = Path(
+        points_B=se3.transform(scene.X_BS, points_S), normals_B=se3.rotate(scene.X_BS, normals_S)
+    )
     return motion.plan(path, scene.X_FP, PERIOD, FeedrateLimits(), JointPathConfig())[0]

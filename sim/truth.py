@@ -1,6 +1,7 @@
 """What the simulation knows exactly: the undeformed skin, and where each of its points lies now.
 
-"Now" is the tissue's last press. To know an earlier instant, press the tissue again with that row's `TruthLog.X_SP`.
+"Now" is the tissue's last press. To know an earlier instant, press the tissue again with that row's
+`TruthLog.X_SP`.
 """
 
 from typing import no_type_check
@@ -24,9 +25,11 @@ CLOSEST_STEPS = 100
 CLOSEST_TOLERANCE = 1e-10
 """Step that ends the search for the closest point [m]."""
 SHARPEST_RADIUS = 0.015
-"""Smallest radius of curvature of the skin, on the nipple [m]: it keeps the search from overshooting far outside."""
+"""Smallest radius of curvature of the skin, on the nipple [m]: it keeps the search from
+overshooting far outside."""
 RAY_STEP = 0.003
-"""Spacing at which a ray looks for the skin [m]: it may miss what is within .02 mm of the silhouette."""
+"""Spacing at which a ray looks for the skin [m]: it may miss what is within .02 mm of the
+silhouette."""
 BISECTIONS = 30
 OCCLUSION = 1e-3
 """A point this much farther than the first skin on its ray is hidden [m]."""
@@ -40,7 +43,9 @@ class Truth:
         self._tissue = tissue
         skin = phantom.skin
         self._skin_direction = phantom.unembed(skin.vertices_S)
-        self._faces_around = trimesh.Trimesh(skin.vertices_S, skin.triangles, process=False).vertex_faces
+        self._faces_around = trimesh.Trimesh(
+            skin.vertices_S, skin.triangles, process=False
+        ).vertex_faces
 
     def distance(self, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Signed distance to the undeformed skin [m], positive outside."""
@@ -49,7 +54,9 @@ class Truth:
         side = np.where(np.einsum("nc,nc->n", away_S, normals_S) < 0, -1.0, 1.0)
         return side * np.linalg.norm(away_S, axis=1)
 
-    def closest(self, p_S: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    def closest(
+        self, p_S: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Closest points of the smooth undeformed skin [m], and its outward unit normals there."""
         direction = self._skin_direction[_nearest(self._phantom.skin.vertices_S, p_S)]
         for _ in range(CLOSEST_STEPS):
@@ -59,13 +66,17 @@ class Truth:
         return self._phantom.embed(direction), self._phantom.normal(direction)
 
     def material_point(self, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Where on the undeformed skin that point lies which is now, deformed, the closest one to `p_S` [m]."""
+        """Where on the undeformed skin that point lies which is now, deformed, the closest one
+        to `p_S` [m].
+        """
         deformed_S = self._tissue.deformed_skin()
         skin = self._phantom.skin
         around = self._faces_around[_nearest(deformed_S, p_S)]
         triangles = skin.triangles[around]
         corners_S = deformed_S[triangles].reshape(-1, 3, 3)
-        closest_S = trimesh.triangles.closest_point(corners_S, np.repeat(p_S, around.shape[1], axis=0))
+        closest_S = trimesh.triangles.closest_point(
+            corners_S, np.repeat(p_S, around.shape[1], axis=0)
+        )
         distances = np.linalg.norm(closest_S.reshape(*around.shape, 3) - p_S[:, None], axis=2)
         best = np.where(around >= 0, distances, np.inf).argmin(axis=1)
         chosen = np.arange(len(p_S)) * around.shape[1] + best
@@ -74,11 +85,17 @@ class Truth:
         return np.einsum("nk,nkc->nc", weights, undeformed_S)
 
     def half_height_loop(self) -> Float[np.ndarray, "n 3"]:
-        """Dense contour of the undeformed skin at half its height [m]; it closes without repeating its first point."""
+        """Dense contour of the undeformed skin at half its height [m]; it closes without
+        repeating its first point.
+        """
         return self._phantom.level_loop(self._phantom.height / 2, LOOP_POINTS)
 
-    def cast(self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """First point of the undeformed skin on each ray from an origin outside the breast [m], NaN where it misses."""
+    def cast(
+        self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """First point of the undeformed skin on each ray from an origin outside the breast [m],
+        NaN where it misses.
+        """
         unit_S = direction_S / np.linalg.norm(direction_S, axis=1, keepdims=True)
         inside = self._first_inside(origin_S, unit_S, *self._span(origin_S, unit_S))
         hit = np.isfinite(inside)
@@ -98,10 +115,11 @@ class Truth:
     def seen(
         self, X_SC: Float[np.ndarray, "4 4"], rays_C: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
-        """What a camera's rays see of the skin as it lies now: depth along its z [m] and normal in S, NaN where none.
+        """What a camera's rays see of the skin as it lies now: depth along its z [m] and normal in
+        S, NaN where none.
 
-        The skin is taken as its fine mesh, within .01 mm of the smooth surface and .04 mm on the nipple; nothing else
-        stands in the way.
+        The skin is taken as its fine mesh, within .01 mm of the smooth surface and .04 mm on the
+        nipple; nothing else stands in the way.
 
         Args:
             X_SC: The camera, OpenCV's axes, outside the breast.
@@ -114,20 +132,32 @@ class Truth:
         normals_S[hit < 0] = np.nan
         return depth, normals_S / np.linalg.norm(normals_S, axis=1, keepdims=True)
 
-    def depth_map(self, camera: Intrinsics, X_SC: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "h w"]:
-        """Depth along its z [m] of the skin that each pixel of a distorted camera sees now, NaN where none."""
+    def depth_map(
+        self, camera: Intrinsics, X_SC: Float[np.ndarray, "4 4"]
+    ) -> Float[np.ndarray, "h w"]:
+        """Depth along its z [m] of the skin that each pixel of a distorted camera sees now, NaN
+        where none.
+        """
         return self.seen(X_SC, pixel_rays(camera))[0].reshape(camera.height, camera.width)
 
-    def visible(self, p_S: Float[np.ndarray, "n 3"], centre_S: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "n"]:
-        """Whether points of the undeformed skin are seen from `centre_S`, not hidden by the breast itself."""
+    def visible(
+        self, p_S: Float[np.ndarray, "n 3"], centre_S: Float[np.ndarray, "3"]
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether points of the undeformed skin are seen from `centre_S`, not hidden by the
+        breast itself.
+        """
         first_S = self.cast(centre_S, p_S - centre_S)
-        hidden_by = np.linalg.norm(p_S - centre_S, axis=1) - np.linalg.norm(first_S - centre_S, axis=1)
+        hidden_by = np.linalg.norm(p_S - centre_S, axis=1) - np.linalg.norm(
+            first_S - centre_S, axis=1
+        )
         return ~(hidden_by > OCCLUSION)
 
     def _towards(
         self, p_S: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n 3"], float]:
-        """One Gauss-Newton step to the closest point, shortened outside as curvature asks; its longest length [m]."""
+        """One Gauss-Newton step to the closest point, shortened outside as curvature asks; its
+        longest length [m].
+        """
         away_S = p_S - self._phantom.embed(direction)
         along_S, across_S = self._phantom.tangents(direction)
         jacobian = np.stack([along_S, across_S], axis=2)
@@ -142,20 +172,30 @@ class Truth:
         return moved, self._phantom.radius * float(np.abs(moved - direction).max(initial=0.0))
 
     def _bisected(
-        self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"], inside: Float[np.ndarray, "n"]
+        self,
+        origin_S: Float[np.ndarray, "3"],
+        unit_S: Float[np.ndarray, "n 3"],
+        inside: Float[np.ndarray, "n"],
     ) -> Float[np.ndarray, "n 3"]:
-        """The skin within the last step of each ray, which is inside the breast at the length `inside` [m]."""
+        """The skin within the last step of each ray, which is inside the breast at the length
+        `inside` [m].
+        """
         outside = inside - RAY_STEP
         for _ in range(BISECTIONS):
             middle = (inside + outside) / 2
             is_inside = self._phantom.level(origin_S + middle[:, None] * unit_S) < 0
-            inside, outside = np.where(is_inside, middle, inside), np.where(is_inside, outside, middle)
+            inside, outside = (
+                np.where(is_inside, middle, inside),
+                np.where(is_inside, outside, middle),
+            )
         return origin_S + inside[:, None] * unit_S
 
     def _span(
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Where each ray enters and leaves a ball around the breast, above the plate [m]; nowhere if far < near."""
+        """Where each ray enters and leaves a ball around the breast, above the plate [m];
+        nowhere if far < near.
+        """
         middle_S = np.array([0.0, 0.0, self._phantom.height / 2])
         radius = np.linalg.norm(self._phantom.skin.vertices_S - middle_S, axis=1).max()
         to_middle = unit_S @ (middle_S - origin_S)
@@ -173,7 +213,9 @@ class Truth:
         near: Float[np.ndarray, "n"],
         far: Float[np.ndarray, "n"],
     ) -> Float[np.ndarray, "n"]:
-        """First distance along each ray at which it is inside the breast, in steps of `RAY_STEP` [m]; NaN if never."""
+        """First distance along each ray at which it is inside the breast, in steps of `RAY_STEP`
+        [m]; NaN if never.
+        """
         inside = np.full(len(near), np.nan)
         searching = np.nonzero(far > near)[0]
         along = near[searching]

@@ -48,7 +48,9 @@ class TruthRecorder:
 
     def log(self) -> TruthLog:
         """All rows so far as arrays."""
-        time, q, force_S, depth, X_SP = (np.array(column, float) for column in zip(*self._rows, strict=True))
+        time, q, force_S, depth, X_SP = (
+            np.array(column, float) for column in zip(*self._rows, strict=True)
+        )
         return TruthLog(
             time=time,
             q=q,

@@ -16,17 +16,29 @@ import pytest
 from websockets.sync.client import connect
 
 FLAGS = [
-    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--remote-debugging-port=0", "--remote-debugging-address=127.0.0.1",
-]  # fmt: skip
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--remote-debugging-port=0",
+    "--remote-debugging-address=127.0.0.1",
+]
 ANSWER_TIME = 120.0
 """Longest wait for an answer [s]: a page that draws by software answers between two pictures."""
 
 
 def find() -> str:
     """Where Chromium lies; skips the test where it does not."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    path = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     if path is None:
         pytest.skip("no chromium: on Debian, apt-get install chromium")
     return path
@@ -38,9 +50,17 @@ class Page:
     def __init__(self, url: str, profile: Path, width: int = 700, height: int = 500) -> None:
         self.console: list[str] = []
         self._process = subprocess.Popen(
-            [find(), *FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank"],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            [
+                find(),
+                *FLAGS,
+                f"--user-data-dir={profile}",
+                f"--window-size={width},{height}",
+                "about:blank",
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         stderr = self._process.stderr
         line = next(line for line in stderr if "DevTools listening on" in line)
         threading.Thread(target=lambda: list(stderr), daemon=True).start()
@@ -48,7 +68,9 @@ class Page:
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
             target = next(tab for tab in json.load(answer) if tab["type"] == "page")
         self._stack = ExitStack()
-        self._socket = self._stack.enter_context(connect(target["webSocketDebuggerUrl"], max_size=None))
+        self._socket = self._stack.enter_context(
+            connect(target["webSocketDebuggerUrl"], max_size=None)
+        )
         self._count = 0
         self.send("Runtime.enable")
         self.send("Page.navigate", url=url)
@@ -62,7 +84,9 @@ class Page:
             if message.get("id") == self._count:
                 return message["result"]
             if message.get("method") == "Runtime.consoleAPICalled":
-                self.console.append(" ".join(str(value.get("value", "")) for value in message["params"]["args"]))
+                self.console.append(
+                    " ".join(str(value.get("value", "")) for value in message["params"]["args"])
+                )
 
     def wait_for(self, text, timeout):
         """Wait until the page has written `text` on its console."""
@@ -79,7 +103,9 @@ class Page:
     def screenshot(self):
         """The page as it looks, RGB."""
         png = base64.b64decode(self.send("Page.captureScreenshot")["data"])
-        return cv2.cvtColor(cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+        return cv2.cvtColor(
+            cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB
+        )
 
     def press_space(self):
         """One stroke of the space bar."""

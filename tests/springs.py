@@ -1,4 +1,6 @@
-"""A robot of the tests: a servo that is exact but may be late, and a flat elastic surface under the probe."""
+"""A robot of the tests: a servo that is exact but may be late, and a flat elastic surface under
+the probe.
+"""
 
 from collections import deque
 
@@ -16,7 +18,8 @@ X_FP = se3.pose(np.eye(3), np.array([0.0, 0.0, 0.15]))
 
 
 class SpringRobot:
-    """Moves exactly as told, `late` periods later; a plane z = height in B pushes back with a stiffness [N/m].
+    """Moves exactly as told, `late` periods later; a plane z = height in B pushes back with a
+    stiffness [N/m].
 
     Its sensor has a little noise, as any has: one that repeats itself counts as frozen.
     """
@@ -24,17 +27,27 @@ class SpringRobot:
     period = PERIOD
 
     def __init__(self, q, height, stiffness=1000.0, late=0):
-        self.q, self.height, self.stiffness = np.array(q, float), height, stiffness
+        self.q = np.array(q, float)
+        self.height = height
+        self.stiffness = stiffness
         self.calibration = KinematicCalibration.nominal()
-        self.X_FP, self.time, self.offset = X_FP, 0.0, np.zeros(6)
+        self.X_FP = X_FP
+        self.time = 0.0
+        self.offset = np.zeros(6)
         self.servo_lag, self._waiting = late * self.period, deque([self.q] * late)
-        self.qd, self.stopped, self.largest_force = np.zeros(6), False, 0.0
+        self.qd = np.zeros(6)
+        self.stopped = False
+        self.largest_force = 0.0
         self._rng = np.random.default_rng(0)
 
     def state(self):
         wrench_P = self._wrench() - self.offset + NOISE * self._rng.standard_normal(6)
         return RobotState(
-            time=self.time, q=self.q.copy(), qd=self.qd.copy(), wrench_P=wrench_P, sample=round(self.time / self.period)
+            time=self.time,
+            q=self.q.copy(),
+            qd=self.qd.copy(),
+            wrench_P=wrench_P,
+            sample=round(self.time / self.period),
         )
 
     def _wrench(self):

@@ -30,8 +30,13 @@ FLOORS = [set(PRODUCT) | {""}, {"sim"}, {"experiments"}, {"commands", "cli", "__
 
 def _modules() -> dict[str, Path]:
     """Every module by its dotted name, packages under their own."""
-    files = sorted(path for top in ("breastscan", "sim", "experiments") for path in (ROOT / top).rglob("*.py"))
-    names = [".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for path in files]
+    files = sorted(
+        path for top in ("breastscan", "sim", "experiments") for path in (ROOT / top).rglob("*.py")
+    )
+    names = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for path in files
+    ]
     return dict(zip(names, files, strict=True))
 
 
@@ -39,7 +44,9 @@ MODULES = _modules()
 
 
 def room(module: str) -> str:
-    """The room a module lies in: below breastscan its first folder or file, else the top level itself."""
+    """The room a module lies in: below breastscan its first folder or file, else the top level
+    itself.
+    """
     top, _, rest = module.partition(".")
     return rest.partition(".")[0] if top == "breastscan" else top
 
@@ -49,7 +56,9 @@ def floor(module: str) -> int:
 
 
 def imports(path: Path) -> list[tuple[str, bool]]:
-    """Every module a file imports, the house's own by their full names, and whether only when a function runs."""
+    """Every module a file imports, the house's own by their full names, and whether only when a
+    function runs.
+    """
     found = []
 
     def visit(node: ast.AST, lazy: bool) -> None:
@@ -88,7 +97,9 @@ def test_rooms_of_the_product_import_only_what_lies_under_them(module):
     if room(module) in PRODUCT:
         for other, _ in IMPORTS[module]:
             if other in MODULES:
-                assert room(other) in PRODUCT[room(module)] | {room(module)}, f"{module} imports {other}"
+                assert room(other) in PRODUCT[room(module)] | {room(module)}, (
+                    f"{module} imports {other}"
+                )
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -99,20 +110,29 @@ def test_only_commands_import_the_house_lazily(module):
 
 
 def test_no_imports_run_in_a_circle():
-    graph = {module: {other for other, _ in IMPORTS[module] if other in MODULES} - {module} for module in MODULES}
+    graph = {
+        module: {other for other, _ in IMPORTS[module] if other in MODULES} - {module}
+        for module in MODULES
+    }
     TopologicalSorter(graph).prepare()
 
 
 @pytest.mark.parametrize("module", MODULES)
 def test_the_product_never_imports_the_simulator(module):
     if floor(module) == 0:
-        users = {other for other, _ in IMPORTS[module] if other.split(".")[0] in {"mujoco", "dm_control"}}
+        users = {
+            other for other, _ in IMPORTS[module] if other.split(".")[0] in {"mujoco", "dm_control"}
+        }
         assert not users, f"{module} imports {users}"
 
 
 def test_only_one_file_imports_ur_rtde():
     libraries = ("rtde_", "ur_rtde", "dashboard_")
-    users = {m for m, others in IMPORTS.items() if any(other.startswith(libraries) for other, _ in others)}
+    users = {
+        m
+        for m, others in IMPORTS.items()
+        if any(other.startswith(libraries) for other, _ in others)
+    }
     assert users <= {"breastscan.robot.ur.rtde"}
 
 

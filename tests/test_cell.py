@@ -40,7 +40,9 @@ def test_a_cell_is_read_back_to_the_last_digit(cell, tmp_path):
     cell.save(tmp_path / "first.json")
     Cell.load(tmp_path / "first.json").save(tmp_path / "second.json")
     assert (tmp_path / "first.json").read_text() == (tmp_path / "second.json").read_text()
-    np.testing.assert_array_equal(Cell.load(tmp_path / "first.json").kinematics.X_joints, cell.kinematics.X_joints)
+    np.testing.assert_array_equal(
+        Cell.load(tmp_path / "first.json").kinematics.X_joints, cell.kinematics.X_joints
+    )
 
 
 def test_the_twins_cell_says_what_its_scene_is(scene, cell):
@@ -72,10 +74,20 @@ def test_an_entry_that_is_missing_or_too_many_is_named(content, tmp_path):
 
 
 def test_numbers_of_another_shape_or_kind_are_named(content, tmp_path):
-    refused({**content, "X_FP": [[1.0, 0.0], [0.0, 1.0]]}, tmp_path, r"X_FP should be numbers of the shape \(4 4\)")
-    refused({**content, "payload": {**content["payload"], "mass": "heavy"}}, tmp_path, "mass should be float")
+    refused(
+        {**content, "X_FP": [[1.0, 0.0], [0.0, 1.0]]},
+        tmp_path,
+        r"X_FP should be numbers of the shape \(4 4\)",
+    )
+    refused(
+        {**content, "payload": {**content["payload"], "mass": "heavy"}},
+        tmp_path,
+        "mass should be float",
+    )
     refused({**content, "chest": {**content["chest"], "kind": "cone"}}, tmp_path, "kind should be")
-    refused({**content, "chest": {**content["chest"], "size": [0.1]}}, tmp_path, "3 positive lengths")
+    refused(
+        {**content, "chest": {**content["chest"], "size": [0.1]}}, tmp_path, "3 positive lengths"
+    )
 
 
 @pytest.mark.parametrize("mass", [float("nan"), -3.0, 0.0])
@@ -109,19 +121,31 @@ def test_a_hull_named_as_one_of_the_arms_is_told(cell):
 
 def test_a_size_that_is_no_number_is_refused(content, tmp_path):
     first, *others = content["room"]
-    refused({**content, "room": [{**first, "size": [float("nan"), 0.1, 0.1]}, *others]}, tmp_path, "size")
+    refused(
+        {**content, "room": [{**first, "size": [float("nan"), 0.1, 0.1]}, *others]},
+        tmp_path,
+        "size",
+    )
 
 
 def test_a_cell_whose_chest_nobody_knows_is_one(cell, tmp_path):
     replace(cell, chest=None).save(tmp_path / "cell.json")
     loaded = Cell.load(tmp_path / "cell.json")
     assert loaded.chest is None
-    assert Clearance(loaded)(HOME_Q[None])[0] == pytest.approx(Clearance(cell, with_chest=False)(HOME_Q[None])[0])
+    assert Clearance(loaded)(HOME_Q[None])[0] == pytest.approx(
+        Clearance(cell, with_chest=False)(HOME_Q[None])[0]
+    )
 
 
-def test_a_rig_given_beside_the_file_takes_the_place_of_one_without_a_place(cell, content, tmp_path):
-    (tmp_path / "cell.json").write_text(json.dumps({**content, "rig": {**content["rig"], "X_BL": None}}))
-    np.testing.assert_array_equal(Cell.load(tmp_path / "cell.json", cell.rig).rig.X_BL, cell.rig.X_BL)
+def test_a_rig_given_beside_the_file_takes_the_place_of_one_without_a_place(
+    cell, content, tmp_path
+):
+    (tmp_path / "cell.json").write_text(
+        json.dumps({**content, "rig": {**content["rig"], "X_BL": None}})
+    )
+    np.testing.assert_array_equal(
+        Cell.load(tmp_path / "cell.json", cell.rig).rig.X_BL, cell.rig.X_BL
+    )
 
 
 def test_a_pose_that_is_none_is_refused(content, tmp_path):

@@ -75,7 +75,10 @@ def test_a_wrong_option_is_refused_with_a_hint(capsys):
 
 def python(*arguments, **environment):
     return subprocess.run(
-        [sys.executable, *arguments], env={**os.environ, **environment}, capture_output=True, text=True
+        [sys.executable, *arguments],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
     )
 
 
@@ -100,6 +103,9 @@ def test_commands_on_files_do_not_load_mujoco():
 def test_the_overview_and_doctor_load_neither_kernels_nor_pictures():
     """They must answer where these do not load."""
     heavy = {"breastscan.scan", "breastscan.report", "cv2", "matplotlib", "polars", "mujoco"}
-    code = f"import sys, breastscan.cli, breastscan.commands.doctor; print({heavy} & sys.modules.keys())"
+    code = (
+        f"import sys, breastscan.cli, breastscan.commands.doctor; print({heavy} & "
+        "sys.modules.keys())"
+    )
     child = python("-c", code)
     assert child.stdout.strip() == "set()", child.stdout + child.stderr

@@ -25,7 +25,9 @@ def joints_at(x, z):
     """The elbow-up solution with the probe tip at (x, .13, z), pointing down."""
     X_BF = se3.pose(DOWN, np.array([x, 0.13, z])) @ se3.inverse(X_FP)
     solutions = kinematics.inverse(X_BF)
-    return min(solutions, key=lambda q: np.abs(q - np.array([0.0, -1.6, 1.8, -1.8, -1.57, 0.0])).sum())
+    return min(
+        solutions, key=lambda q: np.abs(q - np.array([0.0, -1.6, 1.8, -1.8, -1.57, 0.0])).sum()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,9 @@ def motion():
 
 def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
     """The robot, its trajectory, and the error that ended the scan, if any."""
-    robot, log, error = SpringRobot(motion.q_approach, height, stiffness, late), [], None
+    robot = SpringRobot(motion.q_approach, height, stiffness, late)
+    log = []
+    error = None
     try:
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
@@ -75,21 +79,26 @@ def test_phases_come_in_order_and_the_probe_leaves_the_skin(motion):
     assert error is None
     assert phases_of(table) == ["approach", "settle", "loop", "lift", "retreat"]
     heights = heights_of(table)
-    assert SKIN + CLEARANCE <= heights[-1] < SKIN + CLEARANCE + 0.0015  # it brakes beyond the clearance
+    # it brakes beyond the clearance
+    assert SKIN + CLEARANCE <= heights[-1] < SKIN + CLEARANCE + 0.0015
     assert abs(heights[-1] - heights[-2]) < 80e-6
     assert not robot.stopped
 
 
 def test_the_tip_never_accelerates_along_its_axis_faster_than_configured(motion):
     _, table, _ = scan(motion)
-    assert np.abs(np.diff(heights_of(table), 2)).max() / PERIOD**2 < ContactConfig().acceleration * 1.01
+    assert (
+        np.abs(np.diff(heights_of(table), 2)).max() / PERIOD**2
+        < ContactConfig().acceleration * 1.01
+    )
 
 
 @pytest.mark.parametrize("late", [0, 4])
 def test_the_arm_is_where_the_plan_is_however_late_its_servo(motion, late):
     _, table, _ = scan(motion, late=late)
     executed, planned = (X[table.in_loop, :3, 3] for X in (table.X_BP, table.X_BP_plan))
-    assert np.abs(executed - planned)[:, :2].max() < 0.02e-3  # while the feed ramps, the lead is off by 1 ms
+    # while the feed ramps, the lead is off by 1 ms
+    assert np.abs(executed - planned)[:, :2].max() < 0.02e-3
     # 5 N on 1 kN/m: the normal part is the indentation
     np.testing.assert_allclose(planned[:, 2] - executed[:, 2], 0.005, atol=1e-4)
 
@@ -102,7 +111,10 @@ def test_skin_eight_millimetres_from_where_it_was_planned_is_found(motion):
 
 @pytest.mark.parametrize(
     ("height", "error", "why"),
-    [(SKIN - 0.5, RobotError, "no contact within 12 mm"), (SKIN + 0.015, SafetyError, "before where it was planned")],
+    [
+        (SKIN - 0.5, RobotError, "no contact within 12 mm"),
+        (SKIN + 0.015, SafetyError, "before where it was planned"),
+    ],
 )
 def test_skin_outside_the_approachs_window_ends_in_a_retreat(motion, height, error, why):
     robot, table, raised = scan(motion, height=height)
@@ -168,7 +180,9 @@ def test_a_start_outside_the_plan_is_refused(motion):
 
 
 def test_skin_that_falls_away_is_searched_for_and_found(motion):
-    """A step of 3 mm down under the running probe: contact is lost, and taken up where it was lost."""
+    """A step of 3 mm down under the running probe: contact is lost, and taken up where it was
+    lost.
+    """
     robot = SpringRobot(motion.q_approach, SKIN, 1000.0)
     send, log = robot.servo_joint, []
 
@@ -200,7 +214,9 @@ def test_a_force_beyond_the_limit_ends_in_an_error_and_a_retreat(motion):
     assert execution.last_row(log) > 0
 
 
-def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_end_the_retreat(motion):
+def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_end_the_retreat(
+    motion,
+):
     robot = SpringRobot(motion.q_approach, SKIN)
     send, commands = robot.servo_joint, 0
 
@@ -221,7 +237,9 @@ def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_
 
 @pytest.mark.parametrize("deviation", [0.0, 1e-3])
 def test_the_probe_is_lifted_up_its_axis_on_whatever_arm(motion, deviation):
-    arm = KinematicCalibration.from_dh_corrections(**dict.fromkeys(("theta", "d", "a", "alpha"), np.full(6, deviation)))
+    arm = KinematicCalibration.from_dh_corrections(
+        **dict.fromkeys(("theta", "d", "a", "alpha"), np.full(6, deviation))
+    )
     X_lifted = arm.forward(motion.q[100]) @ X_FP
     X_lifted[:3, 3] -= CLEARANCE * X_lifted[:3, 2]
     X_reached = arm.forward(motion.lifted(100, X_FP, arm)) @ X_FP

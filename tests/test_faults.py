@@ -28,16 +28,26 @@ RIGID = replace(
     surface=replace(CONFIG.surface, stiffness=6000.0),
 )
 HIGHEST_FORCE = 15.0
-IN_APPROACH, IN_LOOP, ON_PRINT = 0.15, 1.6, 5.0
+IN_APPROACH = 0.15
+IN_LOOP = 1.6
+ON_PRINT = 5.0
 """When faults set in [s]: half-way to the skin, and well under way along the path."""
 
 
 class FaultyRobot:
-    """The twin's robot, with something that goes wrong from a time on [s], counted from the tare."""
+    """The twin's robot, with something that goes wrong from a time on [s], counted from the
+    tare.
+    """
 
-    def __init__(self, robot, since=0.0, *, see=lambda state, held: state, late=0, refuse=0, interrupt=False):
-        self._robot, self._since, self._see = robot, since, see
-        self._late, self._refuse, self._interrupt = late, refuse, interrupt
+    def __init__(
+        self, robot, since=0.0, *, see=lambda state, held: state, late=0, refuse=0, interrupt=False
+    ):
+        self._robot = robot
+        self._since = since
+        self._see = see
+        self._late = late
+        self._refuse = refuse
+        self._interrupt = interrupt
         self._tared, self._held = np.inf, None
         self.stops = 0
 
@@ -77,10 +87,14 @@ class FaultyRobot:
 
 
 class MovedTissue(SoftTissue):
-    """The phantom, displaced by a vector in S [m] that depends on time [s]; one period passes from press to press."""
+    """The phantom, displaced by a vector in S [m] that depends on time [s]; one period passes
+    from press to press.
+    """
 
     def __init__(self, tissue, displacement):
-        self._tissue, self._displacement, self._time = tissue, displacement, 0.0
+        self._tissue = tissue
+        self._displacement = displacement
+        self._time = 0.0
 
     def press(self, X_SP, velocity_S):
         before, self._time = self._time, self._time + 0.002
@@ -93,7 +107,10 @@ class MovedTissue(SoftTissue):
 @pytest.fixture(scope="module")
 def twin():
     """Scene by sensor class, tissue and truth."""
-    scenes = {name: Scene(SceneConfig(wrist=WrenchSensorConfig(quality=name))) for name in ("industrial", "ideal")}
+    scenes = {
+        name: Scene(SceneConfig(wrist=WrenchSensorConfig(quality=name)))
+        for name in ("industrial", "ideal")
+    }
     tissue = SoftTissue.build(scenes["ideal"].phantom)
     return scenes, tissue, Truth(scenes["ideal"].phantom, tissue)
 
@@ -132,7 +149,9 @@ def repeating(state, held):
 
 
 def jumping(newtons):
-    return lambda state, held: replace(state, wrench_P=state.wrench_P - np.array([0, 0, newtons, 0, 0, 0]))
+    return lambda state, held: replace(
+        state, wrench_P=state.wrench_P - np.array([0, 0, newtons, 0, 0, 0])
+    )
 
 
 def silent(state, held):
@@ -198,7 +217,9 @@ def test_a_phantom_that_moves_20_mm_in_a_second_ends_in_a_retreat(twin, motion, 
     assert "mm/s" in str(error) or "contact" in str(error)
 
 
-@pytest.mark.parametrize(("height", "why"), [(0.015, "before where it was planned"), (-0.5, "no contact within")])
+@pytest.mark.parametrize(
+    ("height", "why"), [(0.015, "before where it was planned"), (-0.5, "no contact within")]
+)
 def test_skin_that_is_elsewhere_at_the_approach_ends_in_a_retreat(twin, height, why):
     scenes, soft, truth = twin
     motion = arc_motion(scenes["ideal"], truth, length=0.02, clearance=0.03)
@@ -242,7 +263,9 @@ def test_on_a_rigid_print_faults_end_in_a_retreat_as_well(twin, motion, rigid, f
 
 
 def test_a_rigid_print_that_is_taken_for_soft_is_found_out(twin, motion, rigid):
-    """Approached slowly, the probe bounces a few times until the stiffness is believed; then the scan goes on."""
+    """Approached slowly, the probe bounces a few times until the stiffness is believed; then the
+    scan goes on.
+    """
     scenes, _, _ = twin
     robot = SimRobot(scenes["industrial"], rigid, motion.q_approach)
     log = execution.execute(robot, motion, replace(CONFIG, phases=RIGID.phases), SafetyLimits())

@@ -8,7 +8,10 @@ from breastscan.camera.interface import StereoCamera
 from breastscan.camera.video import VideoCamera
 from breastscan.errors import ConfigError
 
-FORMS = "folder:DIR, devices:LEFT,RIGHT (numbers, as devices:0,1) or genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT]"
+FORMS = (
+    "folder:DIR, devices:LEFT,RIGHT (numbers, as devices:0,1) or "
+    "genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT]"
+)
 
 
 def open_camera(option: str) -> StereoCamera:
@@ -25,5 +28,7 @@ def open_camera(option: str) -> StereoCamera:
     if kind == "devices" and len(parts) == 2 and all(part.isdecimal() for part in parts):
         return VideoCamera(int(parts[0]), int(parts[1]))
     if kind == "genicam" and len(parts) in (1, 3) and all(parts):
-        return GenicamCamera(load_producer(Path(parts[0])), (parts[1], parts[2]) if len(parts) == 3 else None)
+        return GenicamCamera(
+            load_producer(Path(parts[0])), (parts[1], parts[2]) if len(parts) == 3 else None
+        )
     raise ConfigError(f"there is no camera {option!r}: give {FORMS}", option)

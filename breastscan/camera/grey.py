@@ -29,8 +29,8 @@ def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
         image = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise PerceptionError(
-            f"{path} is not an image, or is damaged: expected a whole PNG, TIFF or JPEG file of 8 or 16 bit, got "
-            f"{len(content)} bytes: copy it again from the camera",
+            f"{path} is not an image, or is damaged: expected a whole PNG, TIFF or JPEG file of 8 "
+            f"or 16 bit, got {len(content)} bytes: copy it again from the camera",
             path,
         )
     if image.dtype == np.uint16:
@@ -39,5 +39,7 @@ def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
 
 
 def _is_cut_jpeg(content: bytes) -> bool:
-    """Whether a JPEG file lacks its end; OpenCV would fill the missing rows with grey and not say so."""
+    """Whether a JPEG file lacks its end; OpenCV would fill the missing rows with grey and not
+    say so.
+    """
     return content.startswith(JPEG_START) and JPEG_END not in content[-64:]

@@ -9,7 +9,9 @@ from jaxtyping import UInt8
 
 @dataclass(frozen=True, kw_only=True)
 class StereoPair:
-    """Two grey images taken at the same instant, as the sensors saw them (distorted, not rectified)."""
+    """Two grey images taken at the same instant, as the sensors saw them (distorted, not
+    rectified).
+    """
 
     left: UInt8[np.ndarray, "h w"]
     right: UInt8[np.ndarray, "h2 w2"]

@@ -1,6 +1,8 @@
-"""Fewer and cleaner points: statistical denoising and the three ways of down-sampling [Zhang, Sec. III-A, III-B].
+"""Fewer and cleaner points: statistical denoising and the three ways of down-sampling [Zhang, Sec.
+III-A, III-B].
 
-Every function tells which points to keep, so that normals, colours or pixels can be kept along with them.
+Every function tells which points to keep, so that normals, colours or pixels can be kept along with
+them.
 """
 
 from typing import no_type_check
@@ -17,34 +19,42 @@ NEIGHBOURS = 15
 def statistical_inliers(
     points: Float[np.ndarray, "n 3"], *, alpha: float = 2.0, k: int = NEIGHBOURS
 ) -> Bool[np.ndarray, "n"]:
-    """Points whose mean distance to their `k` nearest is within `alpha` deviations of the cloud's mean [Zhang, Eq. 12].
+    """Points whose mean distance to their `k` nearest is within `alpha` deviations of the cloud's
+    mean [Zhang, Eq. 12].
 
     Points lying unusually close together are dropped as well as lonely ones, as the paper has it.
     """
     if alpha <= 0:
         raise ValueError(f"alpha must be positive, got {alpha}")
     if not 0 < k < len(points):
-        raise ValueError(f"k must be from 1 to one less than the number of points, {len(points)}, got {k}")
+        raise ValueError(
+            f"k must be from 1 to one less than the number of points, {len(points)}, got {k}"
+        )
     distances, _ = KDTree(points).query(points, k=k + 1)  # the nearest point is the point itself
     mean_distance = distances[:, 1:].mean(axis=1)
     return np.abs(mean_distance - mean_distance.mean()) <= alpha * mean_distance.std()
 
 
 def grid_sample(points: Float[np.ndarray, "n 3"], cell: float) -> Int[np.ndarray, "m"]:
-    """Indices of one point in each occupied cube of edge `cell` [m]: the one nearest to the mean of its points."""
+    """Indices of one point in each occupied cube of edge `cell` [m]: the one nearest to the mean
+    of its points.
+    """
     if cell <= 0:
         raise ValueError(f"cell must be a positive length [m], got {cell}")
     _, cube = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True)
     cube = cube.reshape(-1)
     counts = np.bincount(cube)
-    means = np.stack([np.bincount(cube, weights=points[:, axis]) / counts for axis in range(3)], axis=-1)
+    means = np.stack(
+        [np.bincount(cube, weights=points[:, axis]) / counts for axis in range(3)], axis=-1
+    )
     order = np.lexsort((np.linalg.norm(points - means[cube], axis=1), cube))
     first_of_cube = np.concatenate([[0], np.cumsum(counts)[:-1]])
     return np.sort(order[first_of_cube])
 
 
 def uniform_sample(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "count"]:
-    """Indices of `count` points, each the farthest from those before it, beginning at the one farthest from the mean.
+    """Indices of `count` points, each the farthest from those before it, beginning at the one
+    farthest from the mean.
 
     Even, and fond of edges: the paper's choice. The cost grows as n times `count`.
     """
@@ -53,7 +63,11 @@ def uniform_sample(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarr
 
 
 def geometric_sample(
-    points: Float[np.ndarray, "n 3"], variation: Float[np.ndarray, "n"], count: int, *, seed: int = 0
+    points: Float[np.ndarray, "n 3"],
+    variation: Float[np.ndarray, "n"],
+    count: int,
+    *,
+    seed: int = 0,
 ) -> Int[np.ndarray, "count"]:
     """Indices of `count` points drawn more densely where the surface bends.
 
@@ -71,7 +85,9 @@ def geometric_sample(
 
 def _check_count(points: Float[np.ndarray, "n 3"], count: int) -> None:
     if not 0 < count <= len(points):
-        raise ValueError(f"count must be from 1 to the number of points, {len(points)}, got {count}")
+        raise ValueError(
+            f"count must be from 1 to the number of points, {len(points)}, got {count}"
+        )
 
 
 @njit(cache=True)
@@ -86,7 +102,9 @@ def _farthest_points(points, count):
         last = points[chosen[i - 1]]
         farthest = 0
         for j in range(len(points)):
-            dx, dy, dz = points[j, 0] - last[0], points[j, 1] - last[1], points[j, 2] - last[2]
+            dx = points[j, 0] - last[0]
+            dy = points[j, 1] - last[1]
+            dz = points[j, 2] - last[2]
             squared[j] = min(squared[j], dx * dx + dy * dy + dz * dz)
             if squared[j] > squared[farthest]:
                 farthest = j

@@ -17,7 +17,8 @@ def estimate_normals(
     radius: float = RADIUS,
     k: int | None = None,
 ) -> Float[np.ndarray, "m 3"]:
-    """Unit normals in L, towards the camera at L's origin; NaN where fewer than three points are near.
+    """Unit normals in L, towards the camera at L's origin; NaN where fewer than three points are
+    near.
 
     Args:
         points: The cloud in L [m].
@@ -27,27 +28,37 @@ def estimate_normals(
     """
     queries = points if at is None else at
     covariances, counts = _covariances(points, queries, radius, k)
-    normals = np.linalg.eigh(covariances)[1][..., 0]  # the eigenvector of the smallest eigenvalue [Zhang, Eq. 14]
-    towards_camera = -np.sign(np.sum(normals * queries, axis=-1))  # v = -p, v . n > 0 [Zhang, Eq. 15]
+    # the eigenvector of the smallest eigenvalue [Zhang, Eq. 14]
+    normals = np.linalg.eigh(covariances)[1][..., 0]
+    # v = -p, v . n > 0 [Zhang, Eq. 15]
+    towards_camera = -np.sign(np.sum(normals * queries, axis=-1))
     return np.where(counts[:, None] < FEWEST, np.nan, normals * towards_camera[:, None])
 
 
 def surface_variation(
     points: Float[np.ndarray, "n 3"], *, radius: float = RADIUS, k: int | None = None
 ) -> Float[np.ndarray, "n"]:
-    """Share of the neighbourhood's spread that lies across the surface: 0 on a plane, growing as it bends."""
+    """Share of the neighbourhood's spread that lies across the surface: 0 on a plane, growing as
+    it bends.
+    """
     covariances, _ = _covariances(points, points, radius, k)
     spread = np.linalg.eigvalsh(covariances)
     return np.maximum(spread[:, 0], 0.0) / np.maximum(spread.sum(axis=1), np.finfo(float).tiny)
 
 
 def _covariances(
-    points: Float[np.ndarray, "n 3"], queries: Float[np.ndarray, "m 3"], radius: float, k: int | None
+    points: Float[np.ndarray, "n 3"],
+    queries: Float[np.ndarray, "m 3"],
+    radius: float,
+    k: int | None,
 ) -> tuple[Float[np.ndarray, "m 3 3"], np.ndarray]:
-    """Covariance of each query's neighbourhood about its own centroid [Zhang, Eq. 13], and how many points it has."""
+    """Covariance of each query's neighbourhood about its own centroid [Zhang, Eq. 13], and how
+    many points it has.
+    """
     neighbours, counts = _neighbours(points, queries, radius, k)
     owner = np.repeat(np.arange(len(queries)), counts)
-    local = points[neighbours] - queries[owner]  # small numbers: moments about a far origin would cancel
+    # small numbers: moments about a far origin would cancel
+    local = points[neighbours] - queries[owner]
     share = 1.0 / np.maximum(counts, 1)
 
     def mean(values: np.ndarray) -> np.ndarray:
@@ -63,13 +74,18 @@ def _covariances(
 
 
 def _neighbours(
-    points: Float[np.ndarray, "n 3"], queries: Float[np.ndarray, "m 3"], radius: float, k: int | None
+    points: Float[np.ndarray, "n 3"],
+    queries: Float[np.ndarray, "m 3"],
+    radius: float,
+    k: int | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices of every query's neighbours, one query after the other, and how many each has."""
     tree = KDTree(points)
     if k is not None:
         if not FEWEST <= k <= len(points):
-            raise ValueError(f"k must be from {FEWEST} to the number of points, {len(points)}, got {k}")
+            raise ValueError(
+                f"k must be from {FEWEST} to the number of points, {len(points)}, got {k}"
+            )
         return tree.query(queries, k=k)[1].ravel(), np.full(len(queries), k)
     if radius <= 0:
         raise ValueError(f"radius must be a positive length [m], got {radius}")

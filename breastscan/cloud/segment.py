@@ -1,8 +1,8 @@
 """Tell the breast from the chest plate it stands on, the table below and whatever else is in view.
 
-Planes are sought from the most to the least extended: the table comes first, the plate after it. A breast is a
-connected bump of plausible size that rises without a step, which a plate above a table does not, from a plane that goes
-on around it, which a cut through the breast itself does not.
+Planes are sought from the most to the least extended: the table comes first, the plate after it. A
+breast is a connected bump of plausible size that rises without a step, which a plate above a table
+does not, from a plane that goes on around it, which a cut through the breast itself does not.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,8 @@ from breastscan.geometry.plane import Plane
 PLANE_SAMPLE = 50_000
 """Points that the planes are sought in: a plate on a tenth of them is known to some micrometres."""
 PROPOSALS = 300
-"""Planes proposed at a time: one that holds a third of the points is missed once in 80 000 times."""
+"""Planes proposed at a time: one that holds a third of the points is missed once in 80 000
+times."""
 JURY = 3000
 """Points that judge the proposals."""
 CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
@@ -43,7 +44,8 @@ class SegmentConfig:
     """What counts as plane, as breast and as noise."""
 
     cut_height: float = 2.5e-3
-    """Skin lower than this over the plate is left out [m]: below it plate and skin cannot be told apart."""
+    """Skin lower than this over the plate is left out [m]: below it plate and skin cannot be told
+    apart."""
     plane_tolerance: float = 2.5e-3
     """Largest distance of a point from the plane it supports [m]."""
     width_range: tuple[float, float] = (0.06, 0.25)
@@ -63,7 +65,9 @@ class SegmentConfig:
             low, high = getattr(self, name)
             if not 0 < low < high:
                 option = f"segment.{name.replace('_', '-')}"
-                raise ConfigError(f"{option} must be two rising lengths [m], got {(low, high)}", (low, high))
+                raise ConfigError(
+                    f"{option} must be two rising lengths [m], got {(low, high)}", (low, high)
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +84,9 @@ class Breast:
     """Height of its top over the plate [m]."""
 
 
-def segment_breast(points: Float[np.ndarray, "h w 3"], config: SegmentConfig | None = None) -> Breast:
+def segment_breast(
+    points: Float[np.ndarray, "h w 3"], config: SegmentConfig | None = None
+) -> Breast:
     """Find the breast in an organised cloud in L [m], NaN where unknown.
 
     Raises:
@@ -98,8 +104,8 @@ def segment_breast(points: Float[np.ndarray, "h w 3"], config: SegmentConfig | N
     low, high = (1e3 * width for width in config.width_range)
     raise NoBreastError(
         f"expected a breast {low:.0f} to {high:.0f} mm wide on a flat chest plate, found "
-        f"{', '.join(rejected[:LISTED]) or 'nothing that stands on a plane'}: move the cameras until breast and plate "
-        "are in view of both, and look at the disparity for missing depth",
+        f"{', '.join(rejected[:LISTED]) or 'nothing that stands on a plane'}: move the cameras "
+        "until breast and plate are in view of both, and look at the disparity for missing depth",
         rejected,
     )
 
@@ -113,7 +119,9 @@ def _planes(points: Float[np.ndarray, "h w 3"], config: SegmentConfig) -> Iterat
     for _ in range(config.planes):
         if len(rest) < enough:
             return
-        plane = _refined(_best_proposal(rest, config.plane_tolerance, rng), rest, config.plane_tolerance)
+        plane = _refined(
+            _best_proposal(rest, config.plane_tolerance, rng), rest, config.plane_tolerance
+        )
         supported = np.abs(plane.heights(rest)) < 2 * config.plane_tolerance
         if np.count_nonzero(supported) < enough:
             return
@@ -121,8 +129,12 @@ def _planes(points: Float[np.ndarray, "h w 3"], config: SegmentConfig) -> Iterat
         rest = rest[~supported]
 
 
-def _best_proposal(rest: Float[np.ndarray, "n 3"], tolerance: float, rng: np.random.Generator) -> Plane:
-    """Of planes through three random points each, the one that most of a random part supports (RANSAC)."""
+def _best_proposal(
+    rest: Float[np.ndarray, "n 3"], tolerance: float, rng: np.random.Generator
+) -> Plane:
+    """Of planes through three random points each, the one that most of a random part supports
+    (RANSAC).
+    """
     corners = rest[rng.integers(len(rest), size=(PROPOSALS, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -147,11 +159,16 @@ def _refined(plane: Plane, rest: Float[np.ndarray, "n 3"], tolerance: float) -> 
 
 
 def _towards_camera(normal: Float[np.ndarray, "3"], offset: float) -> Plane:
-    return Plane(normal=-normal, offset=-offset) if offset > 0 else Plane(normal=normal, offset=offset)
+    return (
+        Plane(normal=-normal, offset=-offset) if offset > 0 else Plane(normal=normal, offset=offset)
+    )
 
 
 def _bumps(
-    points: Float[np.ndarray, "h w 3"], heights: Float[np.ndarray, "h w"], plane: Plane, config: SegmentConfig
+    points: Float[np.ndarray, "h w 3"],
+    heights: Float[np.ndarray, "h w"],
+    plane: Plane,
+    config: SegmentConfig,
 ) -> Iterator[Breast]:
     """The connected regions above `plane`, the largest first."""
     above = cv2.morphologyEx((heights > config.cut_height).astype(np.uint8), cv2.MORPH_OPEN, CROSS)
@@ -159,7 +176,8 @@ def _bumps(
     for label in 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]:
         box = _with_margin(*boxes[label, :4].tolist())
         core = labels[box] == label
-        # The matcher rounds off the foot: what is near the core and more likely skin than plate belongs to it.
+        # The matcher rounds off the foot: what is near the core and more likely skin than plate
+        # belongs to it.
         near = cv2.dilate(core.astype(np.uint8), CROSS, iterations=EDGE_PX) > 0
         mask = np.zeros(heights.shape, bool)
         mask[box] = binary_fill_holes(core | (near & (heights[box] > config.cut_height / 2)))
@@ -175,11 +193,15 @@ def _bumps(
 def _with_margin(x: int, y: int, width: int, height: int) -> tuple[slice, slice]:
     """The image region of a box, with room for its foot and for differences."""
     margin = EDGE_PX + 1
-    return slice(max(y - margin, 0), y + height + margin), slice(max(x - margin, 0), x + width + margin)
+    return slice(max(y - margin, 0), y + height + margin), slice(
+        max(x - margin, 0), x + width + margin
+    )
 
 
 def _base_areas(points: Float[np.ndarray, "h w 3"], plane: Plane) -> Float[np.ndarray, "h w"]:
-    """Area of `plane` under each pixel's point [m^2]: of the parallelogram spanned by the steps to the next pixels."""
+    """Area of `plane` under each pixel's point [m^2]: of the parallelogram spanned by the steps
+    to the next pixels.
+    """
     across = np.gradient(points, axis=1)
     down = np.gradient(points, axis=0)
     return np.nan_to_num(np.abs(np.cross(across, down) @ plane.normal))

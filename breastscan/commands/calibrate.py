@@ -1,7 +1,7 @@
 """`breastscan calibrate`: from pictures of a board to a rig file, its residuals and its figures.
 
-The twin shows how well that finds its own cameras: its pictures land on disk and are calibrated from there, like those
-of real cameras.
+The twin shows how well that finds its own cameras: its pictures land on disk and are calibrated
+from there, like those of real cameras.
 """
 
 from pathlib import Path
@@ -32,13 +32,15 @@ def calibrate(
 
     Args:
         shots: Folder of NAME_left.png and NAME_right.png, 30 pairs or so.
-        twin: Whether to render the shots with the twin's cameras instead, and compare with the truth.
+        twin: Whether to render the shots with the twin's cameras instead, and compare with the
+            truth.
         out: Folder for rig.yaml, both camera_info files, residuals.csv, metrics.json and figures.
         seed: Seed of the twin's shots.
         board: The board.
 
     Raises:
-        CalibrationError: The shots are missing, do not fit together, or do not determine the cameras.
+        CalibrationError: The shots are missing, do not fit together, or do not determine the
+            cameras.
         PerceptionError: A picture cannot be read.
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
@@ -55,7 +57,9 @@ def calibrate(
         result = calibration.calibrate(found.shots, found.size, board)
         metrics = _metrics(result) | (shown.scene.errors_of(result.rig) if shown else {})
         write_camera_info(folder, result.rig)
-        files.write_results(folder, found, result, _figures(shots or folder, result), metrics, result.dropped)
+        files.write_results(
+            folder, found, result, _figures(shots or folder, result), metrics, result.dropped
+        )
     files.tell_results(out, metrics)
 
 
@@ -77,7 +81,9 @@ def _figures(folder: Path, result: Calibration) -> dict[str, Figure]:
     pair = files.read_pair(folder, shot.name)
     after = rig.rectify(pair.left, pair.right)
     return {
-        "corners": draw.corners((pair.left, pair.right), (shot.left, shot.right), ("Left", "Right")),
+        "corners": draw.corners(
+            (pair.left, pair.right), (shot.left, shot.right), ("Left", "Right")
+        ),
         "residuals": draw.residual_bars([shot.name for shot in result.shots], result.residuals_px),
         "boards": draw.board_places(result.X_LBoard, result.board.points, rig.X_RL),
         "rectified": draw.rectified((pair.left, pair.right), (after.left, after.right)),

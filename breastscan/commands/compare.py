@@ -1,4 +1,6 @@
-"""Two run folders side by side: a hardware run and its twin, or a scan before and after a change."""
+"""Two run folders side by side: a hardware run and its twin, or a scan before and after a
+change.
+"""
 
 from pathlib import Path
 
@@ -14,7 +16,10 @@ from breastscan.run.columns import LOG_FILE, MM_PER_M, Trajectory
 
 
 def compare(
-    first: tyro.conf.Positional[Path], second: tyro.conf.Positional[Path], /, out: Out = Path("out/compare")
+    first: tyro.conf.Positional[Path],
+    second: tyro.conf.Positional[Path],
+    /,
+    out: Out = Path("out/compare"),
 ) -> None:
     """Say what one scan did otherwise than another, at equal path length over the loop.
 
@@ -37,7 +42,9 @@ def compare(
 
 def _table(found: Difference) -> Table:
     """The differences for the terminal."""
-    shown = Table(title="Second minus first run, over the loop", title_justify="left", header_style="bold")
+    shown = Table(
+        title="Second minus first run, over the loop", title_justify="left", header_style="bold"
+    )
     shown.add_column("Quantity")
     for heading in ("Mean", "RMS", "Largest", "at mm"):
         shown.add_column(heading, justify="right")

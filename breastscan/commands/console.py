@@ -1,4 +1,6 @@
-"""What the commands share: the terminal, options that mean the same everywhere, and the telling of MuJoCo's errors."""
+"""What the commands share: the terminal, options that mean the same everywhere, and the telling
+of MuJoCo's errors.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -17,7 +19,9 @@ console = Console()
 
 Out = Annotated[
     Path,
-    tyro.conf.arg(metavar="DIR", help="Folder for the results; earlier ones stay until these are complete."),
+    tyro.conf.arg(
+        metavar="DIR", help="Folder for the results; earlier ones stay until these are complete."
+    ),
 ]
 Seed = Annotated[int, tyro.conf.arg(metavar="N", help="Seed of everything random.")]
 
@@ -27,7 +31,8 @@ GL_PACKAGES = "libegl1 libgles2 libgl1 libgl1-mesa-dri"
 
 @contextmanager
 def twin_imports() -> Iterator[None]:
-    """Import what may import MuJoCo, which loads its OpenGL back end at once and fails there in its own ways.
+    """Import what may import MuJoCo, which loads its OpenGL back end at once and fails there in its
+    own ways.
 
     Raises:
         ConfigError: The back end that MUJOCO_GL names cannot be loaded.
@@ -39,8 +44,9 @@ def twin_imports() -> Iterator[None]:
         if not any(module.startswith(("mujoco", "dm_control")) for module in modules):
             raise  # some other import, which no back end mends
         raise ConfigError(
-            f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')} ({error}): set it to egl; "
-            f"where that fails as well, on Debian or Ubuntu: apt-get install {GL_PACKAGES}",
+            f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '(unset)')} "
+            f"({error}): set it to egl; where that fails as well, on Debian or Ubuntu: apt-get "
+            f"install {GL_PACKAGES}",
             error,
         ) from error
 

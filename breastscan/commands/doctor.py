@@ -53,7 +53,13 @@ def doctor() -> None:
     for heading in ("", "what", "found", "cure"):
         table.add_column(heading, overflow="fold")
     for finding in findings:
-        mark = "[green]works[/]" if finding.works else "[red]broken[/]" if finding.needed else "[yellow]absent[/]"
+        mark = (
+            "[green]works[/]"
+            if finding.works
+            else "[red]broken[/]"
+            if finding.needed
+            else "[yellow]absent[/]"
+        )
         table.add_row(mark, finding.what, finding.detail, "" if finding.works else finding.cure)
     console.print(table)
     require_needed(findings)
@@ -100,7 +106,10 @@ def _numba_cache() -> Finding:
     detail = f"numba {numba.__version__}, {chosen}"
     if problem is None:
         return Finding("compiled kernels' cache", True, detail)
-    cure = "set NUMBA_CACHE_DIR to a folder you can write; without it every run compiles for about a minute"
+    cure = (
+        "set NUMBA_CACHE_DIR to a folder you can write; without it every run compiles for "
+        "about a minute"
+    )
     return Finding("compiled kernels' cache", False, f"{detail}: {problem}", cure, needed=False)
 
 
@@ -109,7 +118,10 @@ def _phantom_cache() -> Finding:
     problem = _writable(folder)
     if problem is None:
         return Finding("phantom's cache", True, str(folder))
-    cure = "set XDG_CACHE_HOME to a folder you can write; without it every run builds the phantom for a minute"
+    cure = (
+        "set XDG_CACHE_HOME to a folder you can write; without it every run builds the phantom "
+        "for a minute"
+    )
     return Finding("phantom's cache", False, f"{folder}: {problem}", cure, needed=False)
 
 
@@ -117,22 +129,33 @@ def _video() -> Finding:
     import cv2
 
     with tempfile.TemporaryDirectory() as folder:
-        writer = cv2.VideoWriter(str(Path(folder) / "probe.mp4"), cv2.VideoWriter.fourcc(*"vp09"), 25, (64, 64))
+        writer = cv2.VideoWriter(
+            str(Path(folder) / "probe.mp4"), cv2.VideoWriter.fourcc(*"vp09"), 25, (64, 64)
+        )
         works = writer.isOpened()
         writer.release()
-    cure = "install opencv-python-headless from its wheel: a self-built OpenCV may lack FFmpeg's VP9"
+    cure = (
+        "install opencv-python-headless from its wheel: a self-built OpenCV may lack FFmpeg's VP9"
+    )
     return Finding("video (VP9 in MP4)", works, cv2.__version__, cure, needed=False)
 
 
 def _ur_rtde() -> Finding:
     works = all(find_spec(name) is not None for name in ("rtde_control", "rtde_receive"))
-    return Finding("ur_rtde", works, "" if works else "not installed", "pip install ur-rtde", needed=False)
+    return Finding(
+        "ur_rtde", works, "" if works else "not installed", "pip install ur-rtde", needed=False
+    )
 
 
 def _vulkan() -> Finding:
     library = ctypes.util.find_library("vulkan")
-    cure = "Debian/Ubuntu: apt-get install libvulkan1 mesa-vulkan-drivers (only for the better-looking renderer)"
-    return Finding("Vulkan (better renderer)", library is not None, library or "no loader", cure, needed=False)
+    cure = (
+        "Debian/Ubuntu: apt-get install libvulkan1 mesa-vulkan-drivers (only for the "
+        "better-looking renderer)"
+    )
+    return Finding(
+        "Vulkan (better renderer)", library is not None, library or "no loader", cure, needed=False
+    )
 
 
 def require_needed(findings: list[Finding]) -> None:

@@ -1,7 +1,8 @@
-"""`breastscan handeye`: from pictures of a board on the flange to the cameras' place in the robot's base.
+"""`breastscan handeye`: from pictures of a board on the flange to the cameras' place in the robot's
+base.
 
-The twin shows how well that is found with an arm that is not exact and an estimated rig: its pictures and stated poses
-land on disk and are calibrated from there.
+The twin shows how well that is found with an arm that is not exact and an estimated rig: its
+pictures and stated poses land on disk and are calibrated from there.
 """
 
 from collections.abc import Container
@@ -35,10 +36,12 @@ def handeye(
     seed: Seed = 0,
     board: Board = Board(),  # noqa: B008 (frozen)
 ) -> None:
-    """Find where calibrated cameras stand in the robot's base, from shots of a chessboard that the flange holds.
+    """Find where calibrated cameras stand in the robot's base, from shots of a chessboard that the
+    flange holds.
 
     Args:
-        shots: Folder of NAME_left.png, NAME_right.png and poses.csv (name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad).
+        shots: Folder of NAME_left.png, NAME_right.png and poses.csv (name, x_m, y_m, z_m, rx_rad,
+            ry_rad, rz_rad).
         rig: The rig file of the cameras, from `calibrate`.
         twin: Whether to take the shots with the twin instead, and compare with the truth.
         out: Folder for rig.yaml, residuals.csv, metrics.json and figures.
@@ -46,7 +49,8 @@ def handeye(
         board: The board.
 
     Raises:
-        CalibrationError: Rig, shots or poses are missing, do not belong together, or do not determine the place.
+        CalibrationError: Rig, shots or poses are missing, do not belong together, or do not
+            determine the place.
         PerceptionError: A picture cannot be read.
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
@@ -73,18 +77,21 @@ def handeye(
     files.tell_results(out, metrics)
 
 
-def _need_fitting(folder: Path, found: files.ShotFolder, stated: Container[str], rig: StereoRig) -> None:
+def _need_fitting(
+    folder: Path, found: files.ShotFolder, stated: Container[str], rig: StereoRig
+) -> None:
     """Pass when the shots are of the rig's size, and each has its pose."""
     if found.size != (rig.left.width, rig.left.height):
         raise CalibrationError(
-            f"the shots in {folder} are {found.size[0]}x{found.size[1]} px, the rig was calibrated for "
-            f"{rig.left.width}x{rig.left.height} px: use the rig file of this camera setting",
+            f"the shots in {folder} are {found.size[0]}x{found.size[1]} px, the rig was calibrated "
+            f"for {rig.left.width}x{rig.left.height} px: use the rig file of this camera setting",
             found.size,
         )
     without_pose = [shot.name for shot in found.shots if shot.name not in stated]
     if without_pose:
         raise CalibrationError(
-            f"{folder / files.POSES_FILE} has no row for {', '.join(without_pose)}: add it or remove the pictures",
+            f"{folder / files.POSES_FILE} has no row for {', '.join(without_pose)}: add it or "
+            "remove the pictures",
             without_pose,
         )
 
@@ -107,7 +114,9 @@ def _figures(folder: Path, result: HandEye, board: Board) -> dict[str, Figure]:
     some = result.shots[:: max(len(result.shots) // SHOWN_POSES, 1)][:SHOWN_POSES]
     pictures = [files.read_pair(folder, shot.name).left for shot in some]
     return {
-        "poses": draw.corners(pictures, [shot.left for shot in some], [f"Pose {shot.name}" for shot in some]),
+        "poses": draw.corners(
+            pictures, [shot.left for shot in some], [f"Pose {shot.name}" for shot in some]
+        ),
         "residuals": draw.residual_bars([shot.name for shot in result.shots], result.residuals_px),
         "frames": draw.hand_eye_frames(result.X_BF, result.X_FBoard, cameras, board.points),
     }

@@ -1,4 +1,6 @@
-"""`breastscan plan`: a cloud or a path on disk to a trajectory that a UR controller runs, without a robot."""
+"""`breastscan plan`: a cloud or a path on disk to a trajectory that a UR controller runs,
+without a robot.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,8 +25,18 @@ from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
 
-COLUMNS = ("t_s", *(f"q{k}_rad" for k in range(1, 7)), "x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
-"""Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write it."""
+COLUMNS = (
+    "t_s",
+    *(f"q{k}_rad" for k in range(1, 7)),
+    "x_m",
+    "y_m",
+    "z_m",
+    "rx_rad",
+    "ry_rad",
+    "rz_rad",
+)
+"""Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write
+it."""
 PLATE_SHARE = 0.005
 """Share of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
 
@@ -33,14 +45,23 @@ PLATE_SHARE = 0.005
 class PlanConfig:
     """What lies on the skin, how fast it is walked, and with which arm and tool."""
 
-    tcp: tuple[float, float, float, float, float, float] = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
-    """Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: z out of the probe's face, x along its
-    array. The default is the twin's, 200 mm of tool bent by 45 degrees."""
+    tcp: tuple[float, float, float, float, float, float] = (
+        0.0989949,
+        0.0,
+        0.1589949,
+        0.0,
+        0.7853982,
+        0.0,
+    )
+    """Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: z out of the
+    probe's face, x along its array. The default is the twin's, 200 mm of tool bent by 45
+    degrees."""
     calibration: Path | None = None
-    """The arm's own kinematics: the controller's calibration.conf, or ur_calibration's YAML. Without it the tip may be
-    millimetres off."""
+    """The arm's own kinematics: the controller's calibration.conf, or ur_calibration's YAML.
+    Without it the tip may be millimetres off."""
     plate_height: float | None = None
-    """Height of the chest plate in B [m], for a cloud; without it, that of the cloud's lowest points."""
+    """Height of the chest plate in B [m], for a cloud; without it, that of the cloud's lowest
+    points."""
     pattern: PatternConfig = field(default_factory=PatternConfig)
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
     joints: JointPathConfig = field(default_factory=JointPathConfig)
@@ -56,7 +77,8 @@ def plan(
     """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
     Args:
-        source: A cloud in the robot's base frame (PLY with normals), or a closed path (CSV: x_m y_m z_m nx ny nz).
+        source: A cloud in the robot's base frame (PLY with normals), or a closed path (CSV: x_m y_m
+            z_m nx ny nz).
         out: Folder for path.csv, trajectory.csv and trajectory.json.
         urscript: Whether to write path.script as well, a program for the controller.
         settings: Every setting.
@@ -71,7 +93,9 @@ def plan(
     file, tcp = settings.calibration, np.array(settings.tcp, float)
     arm = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
     X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
-    planned, _ = motion.plan(path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm)
+    planned, _ = motion.plan(
+        path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm
+    )
     planned.require_lift(X_FP, arm)
     with writing.staged(out) as folder:
         writing.write_path(folder / "path.csv", path.points_B, path.normals_B)
@@ -88,18 +112,24 @@ def _tell(planned: Motion, limits: JointPathConfig, out: Path) -> None:
     duration = PERIOD * (len(planned.q) - 1)
     console.print(f"{duration:.1f} s along {planned.s[-1] * 1e3:.0f} mm, in {out}")
     if planned.slowed > 1.0:
-        console.print(f"The joints' limits make it {planned.slowed:.2f} times as long as the feedrate's.")
+        console.print(
+            f"The joints' limits make it {planned.slowed:.2f} times as long as the feedrate's."
+        )
     for use in limit_uses(planned.q, PERIOD, limits):
         place_mm = planned.s[min(use.sample, len(planned.s) - 1)] * 1e3
         console.print(
-            f"{use.limit:<13} {use.share:4.0%} of {use.bound:.3g} {use.unit}, by joint {use.joint} at "
-            f"{place_mm:.0f} mm",
+            f"{use.limit:<13} {use.share:4.0%} of {use.bound:.3g} {use.unit}, by joint {use.joint} "
+            f"at {place_mm:.0f} mm",
             highlight=False,
         )
 
 
 def _write_tables(
-    folder: Path, planned: Motion, q_retreat: np.ndarray, X_FP: np.ndarray, arm: KinematicCalibration
+    folder: Path,
+    planned: Motion,
+    q_retreat: np.ndarray,
+    X_FP: np.ndarray,
+    arm: KinematicCalibration,
 ) -> None:
     """`trajectory.csv` and `trajectory.json`, one row a control period."""
     X_BP = arm.forward(planned.q) @ X_FP

@@ -1,8 +1,8 @@
 """A stereo pair on disk to a point cloud and a depth map: the perception of a scan without a robot.
 
-`cloud.ply` holds points in the left camera's frame: of the breast, or of the whole view where there is none.
-`disparity.png` is a picture of the whole view, and `depth.tiff` its depth along the axis of the rectified left view
-[m], 32-bit float, NaN where unknown.
+`cloud.ply` holds points in the left camera's frame: of the breast, or of the whole view where there
+is none. `disparity.png` is a picture of the whole view, and `depth.tiff` its depth along the axis
+of the rectified left view [m], 32-bit float, NaN where unknown.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,8 @@ from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
 VIEW_POINTS = 100_000
-"""Most points that a view without a breast is thinned to, along the rows and columns of the image."""
+"""Most points that a view without a breast is thinned to, along the rows and columns of the
+image."""
 VIEW_NEIGHBOURS = 15
 """Points that a normal is taken from there; distances are not known before [-]."""
 
@@ -54,7 +55,8 @@ def reconstruct(
     out: Out = Path("out/reconstruct"),
     settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
 ) -> View:
-    """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where there is none.
+    """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where
+    there is none.
 
     Args:
         left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
@@ -68,8 +70,8 @@ def reconstruct(
 
     Raises:
         CalibrationError: The rig file is not one.
-        PerceptionError: An image cannot be read, shows nothing, has another size than the rig's, the two are exchanged,
-            or nothing in them matches.
+        PerceptionError: An image cannot be read, shows nothing, has another size than the rig's,
+            the two are exchanged, or nothing in them matches.
         ConfigError: `out` cannot be written.
     """
     cameras = StereoRig.load(rig)
@@ -81,7 +83,10 @@ def reconstruct(
         try:
             breast = scan.reconstruct_breast(pair, matched, settings, Stages())
             view = View(
-                disparity=breast.disparity, breast=breast.breast, points_L=breast.sampled_L, normals_L=breast.normals_L
+                disparity=breast.disparity,
+                breast=breast.breast,
+                points_L=breast.sampled_L,
+                normals_L=breast.normals_L,
             )
         except NoBreastError:
             scan.check_order(images, matched, cameras, settings)
@@ -90,18 +95,23 @@ def reconstruct(
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
     what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
-    console.print(f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True)
+    console.print(
+        f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True
+    )
     return view
 
 
-def _whole_view(pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig) -> View:
+def _whole_view(
+    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig
+) -> View:
     """All that was matched, as it was matched."""
     step = max(1, int(np.ceil(np.sqrt(np.isfinite(matched).sum() / VIEW_POINTS))))
     points_L = triangulate(matched, pair)[::step, ::step]
     points_L = points_L[np.isfinite(points_L[..., 0])]
     if len(points_L) <= VIEW_NEIGHBOURS:
         raise PerceptionError(
-            "nothing in the two images matches: expected two views of one scene, taken together by the rig's cameras",
+            "nothing in the two images matches: expected two views of one scene, taken together by "
+            "the rig's cameras",
             len(points_L),
         )
     points_L = points_L[filters.statistical_inliers(points_L, alpha=config.denoise_alpha)]

@@ -11,7 +11,9 @@ from breastscan.scan import Keep, Stages
 
 
 def keep_aborted(out: Path) -> Keep:
-    """What saves the trajectory of a scan that is cut off, beside earlier results, and says where."""
+    """What saves the trajectory of a scan that is cut off, beside earlier results, and says
+    where.
+    """
 
     def keep(trajectory: Trajectory, error: BaseException) -> None:
         folder = write_aborted(out, trajectory, error)

@@ -1,7 +1,8 @@
-"""`breastscan scan`: the phantom with the twin, every error measured, or the same scan with a robot on the network.
+"""`breastscan scan`: the phantom with the twin, every error measured, or the same scan with a robot
+on the network.
 
-Of a robot, whatever can be refused is refused before anything moves. In contact, the user has said yes in so many
-words.
+Of a robot, whatever can be refused is refused before anything moves. In contact, the user has said
+yes in so many words.
 """
 
 import sys
@@ -60,22 +61,26 @@ def scan(
     plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
     scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
 ) -> None:
-    """Scan the phantom with the twin, or with a robot: see, plan, touch, measure the errors, report.
+    """Scan the phantom with the twin, or with a robot: see, plan, touch, measure the errors,
+    report.
 
     Args:
         out: Folder for the results.
         seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
         video: Whether to render scan.mp4 of the twin.
-        fine: Whether to render it with soft light, where Vulkan is found: several times slower without a graphics
-            card.
-        rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene. It
-            takes the place of a cell's.
-        robot: rtde://HOST drives the UR5e there, or `breastscan twin`; without it, the twin in process scans.
-        cell: File of a robot's cell, cell.json as every scan leaves it; without it, a robot's cell is the scene's.
-        camera: Eyes of a robot's scan. twin: the scene's cameras, for a `breastscan twin` of the same seed and
-            scene. Else folder:DIR, devices:LEFT,RIGHT or genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT].
-        calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of ur_calibration. They
-            take the place of a cell's.
+        fine: Whether to render it with soft light, where Vulkan is found: several times slower
+            without a graphics card.
+        rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of
+            the scene. It takes the place of a cell's.
+        robot: rtde://HOST drives the UR5e there, or `breastscan twin`; without it, the twin in
+            process scans.
+        cell: File of a robot's cell, cell.json as every scan leaves it; without it, a robot's cell
+            is the scene's.
+        camera: Eyes of a robot's scan. twin: the scene's cameras, for a `breastscan twin` of the
+            same seed and scene. Else folder:DIR, devices:LEFT,RIGHT or
+            genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT].
+        calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of
+            ur_calibration. They take the place of a cell's.
         dry_run: Whether a robot travels the path in the air, without contact.
         yes: Whether a robot may touch without a question.
         link: How late robot and program may be for each other; a slack of 1 leaves it to the cell.
@@ -84,7 +89,8 @@ def scan(
 
     Raises:
         ConfigError: Options do not go together, or a file or folder cannot be used.
-        CalibrationError: The rig has no place in the robot's base, or a file of calibration is none.
+        CalibrationError: The rig has no place in the robot's base, or a file of calibration is
+            none.
         SafetyError: Nobody agreed to the contact, or a limit was passed.
         RobotError: The robot is not there, not ready, or stopped.
     """
@@ -92,7 +98,8 @@ def scan(
     if robot is None:
         if camera != TWIN or cell is not None or calibration is not None or dry_run or yes:
             raise ConfigError(
-                "--cell, --camera, --calibration, --dry-run and --yes are a robot's: give --robot rtde://HOST as well"
+                "--cell, --camera, --calibration, --dry-run and --yes are a robot's: give --robot "
+                "rtde://HOST as well"
             )
         settings = {"seed": seed, "video": video, "rig": rig, "scan": plan, "scene": scene}
         _scan_twin(out, settings, rig, plan, scene, video=video, fine=fine)
@@ -100,8 +107,21 @@ def scan(
     host = host_of(robot)
     world = Scene(scene)
     whole = robot_cell(world, cell, rig, calibration, link)
-    options = {"robot": robot, "cell": cell, "camera": camera, "rig": rig, "calibration": calibration}
-    settings = {"seed": seed, **options, "dry_run": dry_run, "yes": yes, "link": whole.link, "scene": scene}
+    options = {
+        "robot": robot,
+        "cell": cell,
+        "camera": camera,
+        "rig": rig,
+        "calibration": calibration,
+    }
+    settings = {
+        "seed": seed,
+        **options,
+        "dry_run": dry_run,
+        "yes": yes,
+        "link": whole.link,
+        "scene": scene,
+    }
 
     def eyes() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
@@ -110,14 +130,23 @@ def scan(
 
 
 def _scan_twin(
-    out: Path, settings: dict, rig: Path | None, config: ScanConfig, scene: SceneConfig, *, video: bool, fine: bool
+    out: Path,
+    settings: dict,
+    rig: Path | None,
+    config: ScanConfig,
+    scene: SceneConfig,
+    *,
+    video: bool,
+    fine: bool,
 ) -> None:
     """Scan, measure, film, and leave a complete run folder in `out`."""
     estimated = None if rig is None else StereoRig.load(rig)
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
         world, tissue = build_world(scene, stages)
-        result, found = measured_scan(world, tissue, config, stages, estimated, keep=keep_aborted(out))
+        result, found = measured_scan(
+            world, tissue, config, stages, estimated, keep=keep_aborted(out)
+        )
         result.save(folder)
         write_settings(folder, settings)
         if video:
@@ -151,8 +180,12 @@ def host_of(option: str) -> str:
     return host
 
 
-def robot_cell(scene: Scene, file: Path | None, rig: Path | None, calibration: Path | None, link: LinkLimits) -> Cell:
-    """The cell of a file, else that of a scene; what else was given takes the place of what it holds."""
+def robot_cell(
+    scene: Scene, file: Path | None, rig: Path | None, calibration: Path | None, link: LinkLimits
+) -> Cell:
+    """The cell of a file, else that of a scene; what else was given takes the place of what it
+    holds.
+    """
     estimated = None if rig is None else StereoRig.load(rig)
     cell = cell_of(scene) if file is None else Cell.load(file, estimated)
     return replace(
@@ -177,24 +210,40 @@ def _scan_robot(
     """Check, scan, and leave a run folder in `out`, without what only a simulation knows."""
     config = replace(config, safety=config.safety.with_slack(cell.link.slack))
     if not (in_air or agreed or sys.stdin.isatty()):
-        raise SafetyError("nobody is there to agree to the contact: run in a terminal, or give --yes", None)
+        raise SafetyError(
+            "nobody is there to agree to the contact: run in a terminal, or give --yes", None
+        )
     clearances = Clearance(cell, with_chest=False)
     controller = preflight.examine(host)
     console.print(
-        _introduction(controller, cell, settings["calibration"] or settings["cell"] or "the scene"), soft_wrap=True
+        _introduction(controller, cell, settings["calibration"] or settings["cell"] or "the scene"),
+        soft_wrap=True,
     )
     if not (in_air or agreed):
         _ask()
-    link = RtdeConfig(host=host, X_FP=cell.X_FP, payload=cell.payload, limits=cell.link, kinematics=cell.kinematics)
+    link = RtdeConfig(
+        host=host,
+        X_FP=cell.X_FP,
+        payload=cell.payload,
+        limits=cell.link,
+        kinematics=cell.kinematics,
+    )
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with closing(RtdeRobot(link)) as arm:
             preflight.require_full_speed(arm)
             preflight.require_plausible_sensor(arm)
             result = run_scan(
-                arm, eyes(), cell, config, stages, clearances,
-                lambda plan: plan.motion.require_lift(arm.X_FP, arm.calibration), keep_aborted(out), in_air=in_air,
-            )  # fmt: skip
+                arm,
+                eyes(),
+                cell,
+                config,
+                stages,
+                clearances,
+                lambda plan: plan.motion.require_lift(arm.X_FP, arm.calibration),
+                keep_aborted(out),
+                in_air=in_air,
+            )
         result.save(folder)
         write_settings(folder, {**settings, "scan": config, "controller": controller})
         found = {}
@@ -209,11 +258,17 @@ def _introduction(controller: preflight.Controller, cell: Cell, source: object) 
     software = ".".join(map(str, controller.version))
     arm = f"UR5e {controller.serial}".strip()
     nominal = np.array_equal(cell.kinematics.X_joints, KinematicCalibration.nominal().X_joints)
-    told = "nominal kinematics, which may be off by millimetres" if nominal else f"kinematics from {source}"
+    told = (
+        "nominal kinematics, which may be off by millimetres"
+        if nominal
+        else f"kinematics from {source}"
+    )
     return f"{arm}, software {software}, at {controller.host}; {told}"
 
 
 def _ask() -> None:
     typed = console.input(f"The probe will touch what the cameras see. Type {CONSENT!r} to go on: ")
     if typed.strip() != CONSENT:
-        raise SafetyError(f"nothing was touched: {CONSENT!r} was expected, {typed!r} was typed", typed)
+        raise SafetyError(
+            f"nothing was touched: {CONSENT!r} was expected, {typed!r} was typed", typed
+        )

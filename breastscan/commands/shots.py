@@ -1,12 +1,13 @@
-"""What both calibrations share: shots of a board on disk, and what a calibration of them leaves behind.
+"""What both calibrations share: shots of a board on disk, and what a calibration of them leaves
+behind.
 
 A shot is `NAME_left.png` and `NAME_right.png`; TIFF, JPEG and BMP files do as well. Where a robot
 held the board there is `poses.csv`, one row a shot, with the columns
 
     name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad
 
-which are the shot's NAME and the flange's pose in the robot's base: position and rotation vector, as a UR controller
-states it while its tool centre point is set to zero.
+which are the shot's NAME and the flange's pose in the robot's base: position and rotation vector,
+as a UR controller states it while its tool centre point is set to zero.
 """
 
 from collections.abc import Mapping
@@ -53,7 +54,9 @@ def need_one_source(shots: Path | None, twin: bool) -> None:
         ConfigError: Both or neither.
     """
     if (shots is None) != twin:
-        raise ConfigError("give either a folder of shots or --twin, which takes them in the simulation", shots)
+        raise ConfigError(
+            "give either a folder of shots or --twin, which takes them in the simulation", shots
+        )
 
 
 def write_shot(folder: Path, name: str, pair: StereoPair) -> None:
@@ -82,34 +85,43 @@ def read_shots(folder: Path, board: Board) -> ShotFolder:
     """Find the board's corners in every shot of a folder.
 
     Raises:
-        CalibrationError: The folder holds no shots, they differ in size, or the board is never found.
+        CalibrationError: The folder holds no shots, they differ in size, or the board is never
+            found.
         PerceptionError: A picture is missing or damaged.
     """
     left = (path for path in folder.glob("*_left.*") if path.suffix in SUFFIXES)
     names = sorted({path.stem.removesuffix("_left") for path in left})
     if not names:
-        raise CalibrationError(f"no shots in {folder}: expected pairs NAME_left.png and NAME_right.png", folder)
-    found, without_board, size = [], [], None
+        raise CalibrationError(
+            f"no shots in {folder}: expected pairs NAME_left.png and NAME_right.png", folder
+        )
+    found = []
+    without_board = []
+    size = None
     for name in names:
         pair = read_pair(folder, name)
         size = size or pair.left.shape
         for side, picture in (("left", pair.left), ("right", pair.right)):
             if picture.shape != size:
                 raise CalibrationError(
-                    f"{_picture(folder, name, side)} is {picture.shape[1]}x{picture.shape[0]} px, the others are "
-                    f"{size[1]}x{size[0]} px: take all shots with one camera setting",
+                    f"{_picture(folder, name, side)} is {picture.shape[1]}x{picture.shape[0]} px, "
+                    f"the others are {size[1]}x{size[0]} px: take all shots with one camera "
+                    "setting",
                     picture.shape,
                 )
         shot = find_shot(name, pair.left, pair.right, board)
         found.append(shot) if shot else without_board.append(name)
     if not found:
         raise CalibrationError(
-            f"none of the {len(names)} shots in {folder} shows a board of {board.columns} x {board.rows} inner "
-            "corners in both pictures: check the board's numbers, the light and the focus",
+            f"none of the {len(names)} shots in {folder} shows a board of {board.columns} x "
+            f"{board.rows} inner corners in both pictures: check the board's numbers, the light "
+            "and the focus",
             folder,
         )
     assert size is not None
-    return ShotFolder(shots=tuple(found), size=(size[1], size[0]), without_board=tuple(without_board))
+    return ShotFolder(
+        shots=tuple(found), size=(size[1], size[0]), without_board=tuple(without_board)
+    )
 
 
 def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None:
@@ -128,12 +140,14 @@ def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
     path = folder / POSES_FILE
     if not path.is_file():
         raise CalibrationError(
-            f"no {POSES_FILE} in {folder}: hand-eye calibration needs the flange's pose at each shot, in the columns "
-            f"name, {', '.join(POSE_COLUMNS)}",
+            f"no {POSES_FILE} in {folder}: hand-eye calibration needs the flange's pose at each "
+            f"shot, in the columns name, {', '.join(POSE_COLUMNS)}",
             path,
         )
     try:
-        table = pl.read_csv(path, schema_overrides={"name": pl.String, **dict.fromkeys(POSE_COLUMNS, pl.Float64)})
+        table = pl.read_csv(
+            path, schema_overrides={"name": pl.String, **dict.fromkeys(POSE_COLUMNS, pl.Float64)}
+        )
         values = table.select(POSE_COLUMNS).to_numpy()
         names = table["name"].to_list()
     except pl.exceptions.PolarsError as error:
@@ -142,7 +156,9 @@ def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
             f"{path} cannot be read ({error}): expected the columns name, {columns}", path
         ) from error
     if not np.isfinite(values).all():
-        raise CalibrationError(f"{path} holds a value that is missing or not finite: mend or remove its row", path)
+        raise CalibrationError(
+            f"{path} holds a value that is missing or not finite: mend or remove its row", path
+        )
     return dict(zip(names, se3.from_rotation_vector(values[:, 3:], values[:, :3]), strict=True))
 
 
@@ -154,7 +170,9 @@ def write_results(
     metrics: dict[str, object],
     dropped: Mapping[str, str] = {},
 ) -> None:
-    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with the reason if left out."""
+    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with the
+    reason if left out.
+    """
     result.rig.save(folder / RIG_FILE)
     writing.write_json(folder / "metrics.json", metrics)
     for name, figure in figures.items():
@@ -163,8 +181,15 @@ def write_results(
     used = zip(result.shots, result.residuals_px.tolist(), strict=True)
     rows = [(shot.name, left, right, "") for shot, (left, right) in used]
     rows += [(name, None, None, reason) for name, reason in left_out.items()]
-    columns = {"name": pl.String, "left_px": pl.Float64, "right_px": pl.Float64, "left_out": pl.String}
-    pl.DataFrame(sorted(rows), schema=columns, orient="row").write_csv(folder / "residuals.csv", float_precision=4)
+    columns = {
+        "name": pl.String,
+        "left_px": pl.Float64,
+        "right_px": pl.Float64,
+        "left_out": pl.String,
+    }
+    pl.DataFrame(sorted(rows), schema=columns, orient="row").write_csv(
+        folder / "residuals.csv", float_precision=4
+    )
 
 
 def tell_results(out: Path, metrics: dict[str, object]) -> None:

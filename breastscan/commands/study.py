@@ -9,7 +9,14 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 from breastscan.commands.console import Out, Seed, console
 from breastscan.errors import ConfigError
-from experiments import study_cameras, study_force, study_joints, study_phantom, study_twin, study_weights
+from experiments import (
+    study_cameras,
+    study_force,
+    study_joints,
+    study_phantom,
+    study_twin,
+    study_weights,
+)
 
 STUDIES = {
     "cameras": study_cameras,
@@ -25,10 +32,11 @@ def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed
     """Answer one question about the twin, with figures and tables.
 
     Args:
-        name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well each force law
-            holds the probe, an hour. joints: what the six joints do along the loop, with fixed and with free spin.
-            phantom: how far its mechanics can be trusted, and what they cost. twin: how the simulated arm and its
-            wrist sensor behave. weights: what the weights of a NURBS curve do.
+        name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well
+            each force law holds the probe, an hour. joints: what the six joints do along the loop,
+            with fixed and with free spin. phantom: how far its mechanics can be trusted, and what
+            they cost. twin: how the simulated arm and its wrist sensor behave. weights: what the
+            weights of a NURBS curve do.
         out: Folder for study.md, study.json and the figures; by default out/study_NAME.
         seed: Seed of everything random.
     """

@@ -14,7 +14,8 @@ def twin(
     controller: ControllerConfig = ControllerConfig(),  # noqa: B008 (frozen)
     scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
 ) -> None:
-    """Serve the twin as a UR controller until Ctrl-C: RTDE, dashboard and script ports, in real time.
+    """Serve the twin as a UR controller until Ctrl-C: RTDE, dashboard and script ports, in real
+    time.
 
     Args:
         out: Folder for truth.parquet, what really happened.
@@ -22,4 +23,9 @@ def twin(
         controller: What to pretend, and where.
         scene: The world.
     """
-    serve(scene.seeded(seed), controller, out, lambda text: console.print(text, soft_wrap=True, markup=False))
+    serve(
+        scene.seeded(seed),
+        controller,
+        out,
+        lambda text: console.print(text, soft_wrap=True, markup=False),
+    )

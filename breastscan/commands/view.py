@@ -37,7 +37,8 @@ def view(
     Args:
         out: Folder for the results, as of `scan`.
         seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
-        rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of the scene.
+        rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of
+            the scene.
         live: Where it is watched.
         plan: Every setting of the pipeline.
         scene: Every setting of the simulated world.
@@ -46,7 +47,8 @@ def view(
         ConfigError: No viewer can be opened, or a file or folder cannot be used.
         CalibrationError: The rig's file is none, or has no place in the robot's base.
         BreastScanError: What else ends a scan.
-        KeyboardInterrupt: The user closed the viewer or pressed Ctrl-C before the scan was complete.
+        KeyboardInterrupt: The user closed the viewer or pressed Ctrl-C before the scan was
+            complete.
     """
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
@@ -61,12 +63,16 @@ def view(
                 viewer.follow, lambda planned: viewer.planned(_loop(planned)), keep_aborted(out),
             )  # fmt: skip
             result.save(folder)
-            write_settings(folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene})
+            write_settings(
+                folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene}
+            )
             write_report(folder, metrics, stages)
         summarise(out, metrics)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):
-            viewer.linger(tuple((name, f"{metrics[name]:.3f}") for name in SHOWN if name in metrics))
+            viewer.linger(
+                tuple((name, f"{metrics[name]:.3f}") for name in SHOWN if name in metrics)
+            )
 
 
 def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:

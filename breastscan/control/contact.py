@@ -1,7 +1,9 @@
-"""From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig. 23].
+"""From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig.
+23].
 
-The correction is a rate, from one of `control.laws`, bounded, and summed to a depth; `control.selection` joins it with
-the plan. Pure functions of (measurement, reference, memory) -> memory: the twin and the robot run the same code.
+The correction is a rate, from one of `control.laws`, bounded, and summed to a depth;
+`control.selection` joins it with the plan. Pure functions of (measurement, reference, memory) ->
+memory: the twin and the robot run the same code.
 """
 
 import math
@@ -19,10 +21,12 @@ from breastscan.errors import ConfigError
 CONTACT_HZ = 10.0
 """Corner of the low-pass on the force that decides whether there is contact [Hz]."""
 CONTACT_SIGMA = 3.0
-"""Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50 Hz."""
+"""Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50
+Hz."""
 HASTE = 4.0
-"""Largest speed into the skin, where it is felt, over the approach's [-]: by default that is `rate_limit`. A body that
-is approached slowly because it is hard is pressed slowly too, whatever a law believes."""
+"""Largest speed into the skin, where it is felt, over the approach's [-]: by default that is
+`rate_limit`. A body that is approached slowly because it is hard is pressed slowly too, whatever a
+law believes."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -42,8 +46,8 @@ class ContactConfig:
     acceleration: float = 1.0
     """Bound of its change [m/s^2]: from rest to `rate_limit` in 60 ms, twice the servo's lag."""
     depth_limit: float = 0.03
-    """Bound of the correction, in both directions from the planned skin [m]: planning error, breathing and
-    indentation together."""
+    """Bound of the correction, in both directions from the planned skin [m]: planning error,
+    breathing and indentation together."""
     phases: PhaseConfig = field(default_factory=PhaseConfig)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
@@ -52,10 +56,13 @@ class ContactConfig:
     def __post_init__(self) -> None:
         require_positive(self, "contact")
         if self.law not in LAWS:
-            raise ConfigError(f"contact.law must be one of {', '.join(LAWS)}, got {self.law!r}", self.law)
+            raise ConfigError(
+                f"contact.law must be one of {', '.join(LAWS)}, got {self.law!r}", self.law
+            )
         if self.contact_force >= self.force:
             raise ConfigError(
-                f"contact.contact-force ({self.contact_force} N) must be below the set-point ({self.force} N)",
+                f"contact.contact-force ({self.contact_force} N) must be below the set-point "
+                f"({self.force} N)",
                 self.force,
             )
 
@@ -65,7 +72,8 @@ class ContactMemory:
     """What the controller carries from one period to the next."""
 
     depth: float
-    """Commanded displacement of the tip along its axis from the planned skin, positive into the tissue [m]."""
+    """Commanded displacement of the tip along its axis from the planned skin, positive into the
+    tissue [m]."""
     rate: float
     """Speed of that displacement [m/s]."""
     servo: ServoModel
@@ -79,15 +87,17 @@ class ContactMemory:
     surface: Surface | None
     """What is believed about the skin; None before it was met."""
     stiffness: float
-    """The stiffest that it was found to be, in contacts that ended [N^(2/3)/m]: what threw the probe off once would
-    do so again."""
+    """The stiffest that it was found to be, in contacts that ended [N^(2/3)/m]: what threw the
+    probe off once would do so again."""
     law: LawMemory
 
     @staticmethod
     def resting(depth: float, period: float) -> "ContactMemory":
         """At rest in the air, `depth` [m] from the planned skin."""
         servo = ServoModel.resting(depth, period)
-        return ContactMemory(depth, 0.0, servo, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered()))
+        return ContactMemory(
+            depth, 0.0, servo, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered())
+        )
 
     @property
     def noise(self) -> float:
@@ -96,18 +106,24 @@ class ContactMemory:
 
 
 def touches(memory: ContactMemory, config: ContactConfig) -> bool:
-    """Whether the force says that the skin is there; a contact ends at half the force at which it begins."""
+    """Whether the force says that the skin is there; a contact ends at half the force at which
+    it begins.
+    """
     threshold = _threshold(memory, config)
     return memory.slow.force > (threshold if memory.surface is None else 0.5 * threshold)
 
 
-def sense(memory: ContactMemory, force: float, config: ContactConfig, period: float) -> ContactMemory:
+def sense(
+    memory: ContactMemory, force: float, config: ContactConfig, period: float
+) -> ContactMemory:
     """Take in a measured force [N], the servo being where its model has it.
 
-    In the air the sensor's noise is learnt, from the differences of samples, in which a slow touch does not show; from
-    the first contact on, the skin.
+    In the air the sensor's noise is learnt, from the differences of samples, in which a slow touch
+    does not show; from the first contact on, the skin.
     """
-    slow, variance, surface = memory.slow.after(force, CONTACT_HZ, period), memory.variance, memory.surface
+    slow = memory.slow.after(force, CONTACT_HZ, period)
+    variance = memory.variance
+    surface = memory.surface
     if surface is None:
         variance += (0.5 * (force - memory.last) ** 2 - variance) * period / NOISE_TIME
     else:
@@ -129,7 +145,9 @@ def leave(memory: ContactMemory) -> ContactMemory:
     return replace(memory, surface=None, stiffness=max(memory.stiffness, memory.surface.stiffness))
 
 
-def advance(memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float) -> ContactMemory:
+def advance(
+    memory: ContactMemory, speed: float, acceleration: float, lag: float, period: float
+) -> ContactMemory:
     """Move along the axis, whatever the force.
 
     Args:
@@ -173,7 +191,9 @@ def regulate(
 
 
 def _presses(memory: ContactMemory, config: ContactConfig) -> bool:
-    """Whether the skin is felt at this moment: where it is not, the tip must not come at it faster than at first."""
+    """Whether the skin is felt at this moment: where it is not, the tip must not come at it
+    faster than at first.
+    """
     return memory.last > 0.5 * _threshold(memory, config) and touches(memory, config)
 
 

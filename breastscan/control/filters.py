@@ -16,7 +16,8 @@ class Filtered:
     def after(self, measured: float, corner_hz: float, period: float) -> "Filtered":
         """One period [s] later, with a new measurement [N].
 
-        The force passes one low-pass of first order, its change a second one with the same corner [Hz].
+        The force passes one low-pass of first order, its change a second one with the same corner
+        [Hz].
         """
         weight = 1.0 - math.exp(-2.0 * math.pi * corner_hz * period)
         force = self.force + weight * (measured - self.force)

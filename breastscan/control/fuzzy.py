@@ -1,11 +1,13 @@
-"""Fuzzy PD: gains that follow the error and its change, by the usual 7 x 7 rules [Zhang, Sec. V-B.2].
+"""Fuzzy PD: gains that follow the error and its change, by the usual 7 x 7 rules [Zhang, Sec.
+V-B.2].
 
-Triangular sets a unit apart on [-3, 3], product and centre average: since the sets add up to one everywhere, the
-answer is the rule table, interpolated between the four rules that fire. In plain Python, because no library answers
-within a control period.
+Triangular sets a unit apart on [-3, 3], product and centre average: since the sets add up to one
+everywhere, the answer is the rule table, interpolated between the four rules that fire. In plain
+Python, because no library answers within a control period.
 
-As usually printed the table is lopsided: a force that is too high would be corrected more lazily than one that is too
-low, and noise would turn into a standing error. It is therefore read at (-|e|, -sign(e) de), where both are the same.
+As usually printed the table is lopsided: a force that is too high would be corrected more lazily
+than one that is too low, and noise would turn into a standing error. It is therefore read at (-|e|,
+-sign(e) de), where both are the same.
 """
 
 from dataclasses import dataclass
@@ -26,8 +28,11 @@ _USUAL_TABLE = """
     PS/PB ZO/NS NS/PS NM/PS NM/PS NM/PS NB/PB
     ZO/PB ZO/PM NM/PM NM/PM NM/PS NB/PS NB/PB
 """
-RULES = tuple(tuple(rule.split("/") for rule in line.split()) for line in _USUAL_TABLE.strip().splitlines())
-"""Sets of the changes of both gains, proportional and derivative; rows the error's set, columns that of its change."""
+RULES = tuple(
+    tuple(rule.split("/") for rule in line.split()) for line in _USUAL_TABLE.strip().splitlines()
+)
+"""Sets of the changes of both gains, proportional and derivative; rows the error's set, columns
+that of its change."""
 _PEAK = {name: index - LARGEST for index, name in enumerate(SETS)}
 _CHANGES = tuple(tuple((_PEAK[kp], _PEAK[kd]) for kp, kd in row) for row in RULES)
 
@@ -52,16 +57,21 @@ class FuzzyGains:
     """Corner of the low-pass on the measured force [Hz]."""
 
     def __post_init__(self) -> None:
-        for name, swing in (("proportional", self.proportional_swing), ("derivative", self.derivative_swing)):
+        for name, swing in (
+            ("proportional", self.proportional_swing),
+            ("derivative", self.derivative_swing),
+        ):
             if swing > 1.0:
                 raise ConfigError(
-                    f"fuzzy.{name}-swing must be 1 at most, got {swing}: a gain that turns negative would push the "
-                    "wrong way",
+                    f"fuzzy.{name}-swing must be 1 at most, got {swing}: a gain that turns "
+                    "negative would push the wrong way",
                     swing,
                 )
 
     def at(self, error: float, change: float) -> tuple[float, float]:
-        """Proportional [m/s/N] and derivative gain [m/N] at a force error [N] and its change [N/s]."""
+        """Proportional [m/s/N] and derivative gain [m/N] at a force error [N] and its change
+        [N/s].
+        """
         dkp, dkd = infer(LARGEST * error / self.error_scale, LARGEST * change / self.change_scale)
         return (
             self.proportional * (1.0 + self.proportional_swing * dkp / LARGEST),
@@ -88,7 +98,10 @@ def infer_as_printed(error: float, change: float) -> tuple[float, float]:
     first, second = _CHANGES[row], _CHANGES[row + 1]
     w00, w01 = (1.0 - across) * (1.0 - along), (1.0 - across) * along
     w10, w11 = across * (1.0 - along), across * along
-    a, b, c, d = first[column], first[column + 1], second[column], second[column + 1]
+    a = first[column]
+    b = first[column + 1]
+    c = second[column]
+    d = second[column + 1]
     return (
         w00 * a[0] + w01 * b[0] + w10 * c[0] + w11 * d[0],
         w00 * a[1] + w01 * b[1] + w10 * c[1] + w11 * d[1],
@@ -96,7 +109,9 @@ def infer_as_printed(error: float, change: float) -> tuple[float, float]:
 
 
 def _place(value: float) -> tuple[int, float]:
-    """Index of the left one of the two sets that a value belongs to, and its membership of the right one."""
+    """Index of the left one of the two sets that a value belongs to, and its membership of the
+    right one.
+    """
     place = min(max(value, -LARGEST), LARGEST) + LARGEST
     index = min(int(place), len(SETS) - 2)
     return index, place - index

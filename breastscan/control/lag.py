@@ -1,7 +1,8 @@
-"""How late is the servo really? A lead that is off by 4 ms costs .1 mm at 25 mm/s, so the joints' own motion tells.
+"""How late is the servo really? A lead that is off by 4 ms costs .1 mm at 25 mm/s, so the joints'
+own motion tells.
 
-An arm that trails its targets by more than was assumed lies behind where it is expected, along its joint speed: the
-ratio, by least squares over the last seconds, is the missing time.
+An arm that trails its targets by more than was assumed lies behind where it is expected, along its
+joint speed: the ratio, by least squares over the last seconds, is the missing time.
 """
 
 import math
@@ -13,7 +14,8 @@ from jaxtyping import Float
 MEMORY_TIME = 3.0
 """Time constant with which old motion is forgotten [s]."""
 PRIOR = 2e-3
-"""Weight of the nominal lag: the squared joint speed of a slow path, over half a second [rad^2/s]."""
+"""Weight of the nominal lag: the squared joint speed of a slow path, over half a second
+[rad^2/s]."""
 LARGEST_CORRECTION = 0.5
 """Of the lag, as a share of the nominal one, either way."""
 
@@ -42,7 +44,9 @@ class LagEstimate:
         most = LARGEST_CORRECTION * self.nominal
         return self.nominal + min(max(self.behind / (self.squared + PRIOR), -most), most)
 
-    def after(self, target: Float[np.ndarray, "6"], q: Float[np.ndarray, "6"], period: float) -> "LagEstimate":
+    def after(
+        self, target: Float[np.ndarray, "6"], q: Float[np.ndarray, "6"], period: float
+    ) -> "LagEstimate":
         """One period [s] later: `target` was sent, and the joints then were at `q` [rad]."""
         targets = (target, *self.targets[:-1])
         back = self.nominal / period
@@ -51,4 +55,6 @@ class LagEstimate:
         expected = newer - (back - int(back)) * step
         kept = 1.0 - period / MEMORY_TIME
         behind = kept * self.behind + float(step @ (expected - q))
-        return LagEstimate(self.nominal, targets, behind, kept * self.squared + float(step @ step) / period)
+        return LagEstimate(
+            self.nominal, targets, behind, kept * self.squared + float(step @ step) / period
+        )

@@ -1,11 +1,13 @@
 """The force laws, to choose from by name: how fast the tip is to move along its axis.
 
-Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the robot, at 500 or
-125 Hz. The command is a speed: as an offset of the pose, a law without an integral could not hold a force on an elastic
-body. What was sent in the end, after every limit, comes back in `Seen.rate`: no law winds up against a limit.
+Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the
+robot, at 500 or 125 Hz. The command is a speed: as an offset of the pose, a law without an integral
+could not hold a force on an elastic body. What was sent in the end, after every limit, comes back
+in `Seen.rate`: no law winds up against a limit.
 
-The gains come from one search for all laws, on a model of the contact (`experiments.tune_force`). Each law is half as
-fast here as is best there, so that it does not swing on what answers harder than the model.
+The gains come from one search for all laws, on a model of the contact (`experiments.tune_force`).
+Each law is half as fast here as is best there, so that it does not swing on what answers harder
+than the model.
 """
 
 from collections.abc import Callable
@@ -133,21 +135,27 @@ class LawMemory:
 Law = Callable[[Seen, Reference, LawMemory, Any], tuple[float, LawMemory]]
 
 
-def admittance(seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains) -> tuple[float, LawMemory]:
+def admittance(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains
+) -> tuple[float, LawMemory]:
     """Mass * acceleration + damping * speed = force error."""
     filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
     push = reference.force - filtered.force - gains.damping * seen.rate
     return seen.rate + seen.period * push / gains.mass, LawMemory(filtered)
 
 
-def pd(seen: Seen, reference: Reference, memory: LawMemory, gains: PdGains) -> tuple[float, LawMemory]:
+def pd(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: PdGains
+) -> tuple[float, LawMemory]:
     """Fixed gains on the force error and its change."""
     filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
     error, change = reference.force - filtered.force, reference.change - filtered.change
     return gains.proportional * error + gains.derivative * change, LawMemory(filtered)
 
 
-def fuzzy_pd(seen: Seen, reference: Reference, memory: LawMemory, gains: FuzzyGains) -> tuple[float, LawMemory]:
+def fuzzy_pd(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: FuzzyGains
+) -> tuple[float, LawMemory]:
     """PD whose gains follow the rules of `control.fuzzy` [Zhang, Sec. V-B.2]."""
     filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
     error, change = reference.force - filtered.force, reference.change - filtered.change
@@ -155,7 +163,9 @@ def fuzzy_pd(seen: Seen, reference: Reference, memory: LawMemory, gains: FuzzyGa
     return proportional * error + derivative * change, LawMemory(filtered)
 
 
-def pi(seen: Seen, reference: Reference, memory: LawMemory, gains: PiGains) -> tuple[float, LawMemory]:
+def pi(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: PiGains
+) -> tuple[float, LawMemory]:
     """Fixed gains on the force error and its integral."""
     filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
     error = reference.force - filtered.force
@@ -176,8 +186,12 @@ def pi_stiffness(
     return asked, LawMemory(filtered, integral, asked)
 
 
-def observer(seen: Seen, reference: Reference, memory: LawMemory, gains: ObserverGains) -> tuple[float, LawMemory]:
-    """Follow the skin's estimated place and speed, predicted over the servo's lag, at the indentation of the force."""
+def observer(
+    seen: Seen, reference: Reference, memory: LawMemory, gains: ObserverGains
+) -> tuple[float, LawMemory]:
+    """Follow the skin's estimated place and speed, predicted over the servo's lag, at the
+    indentation of the force.
+    """
     surface = seen.surface
     ahead = surface.position + surface.speed * seen.lag + surface.indentation(reference.force)
     return surface.speed + (ahead - seen.depth) / gains.closing_time, memory
@@ -194,7 +208,9 @@ LAWS: dict[str, Law] = {
 
 
 def _integrated(memory: LawMemory, growth: float, seen: Seen) -> float:
-    """The integral [m/s] one period on; it stands still while a limit holds back what it asked for already."""
+    """The integral [m/s] one period on; it stands still while a limit holds back what it asked
+    for already.
+    """
     held_back = memory.asked - seen.rate
     if held_back * growth > 0.0:
         return memory.integral

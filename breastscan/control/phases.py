@@ -5,8 +5,9 @@
     loop -> halt -> lift -> retreat -> pause -> approach    where a pause is asked for
     any -> escape -> done                                   where something is wrong
 
-Pure functions: (progress, situation) -> (progress, demand). The place on the path is a row of the plan, with a
-fraction; `feed` is the share of the planned speed at which it moves on, so that a halted scan goes on where it stood.
+Pure functions: (progress, situation) -> (progress, demand). The place on the path is a row of the
+plan, with a fraction; `feed` is the share of the planned speed at which it moves on, so that a
+halted scan goes on where it stood.
 """
 
 from collections.abc import Callable
@@ -56,7 +57,8 @@ class PhaseConfig:
     window: float = 0.012
     """How far before and beyond the planned skin the approach may meet it [m]."""
     ramp_time: float = 0.35
-    """Time over which the set-point rises from first contact to its full value, and sinks at the end [s]."""
+    """Time over which the set-point rises from first contact to its full value, and sinks at the
+    end [s]."""
     settle_time: float = 1.0
     """Time from first contact to the start of the path [s]."""
     feed_time: float = 0.5
@@ -142,7 +144,14 @@ class Demand:
 Step = tuple[Progress, Demand]
 
 
-def step(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig, period: float) -> Step:
+def step(
+    progress: Progress,
+    now: Situation,
+    route: Route,
+    force: float,
+    config: PhaseConfig,
+    period: float,
+) -> Step:
     """One period [s] later.
 
     Args:
@@ -164,14 +173,22 @@ def step(progress: Progress, now: Situation, route: Route, force: float, config:
 
 def escape(progress: Progress, felt: float) -> Progress:
     """The way out of any phase; the skin was `felt` at that depth [m], 0 where it was not."""
-    return progress if progress.phase in (Phase.ESCAPE, Phase.DONE) else _enter(progress, Phase.ESCAPE, felt)
+    return (
+        progress
+        if progress.phase in (Phase.ESCAPE, Phase.DONE)
+        else _enter(progress, Phase.ESCAPE, felt)
+    )
 
 
 def ramp(clock: float, start: float, end: float, duration: float) -> Reference:
-    """A force [N] on its smooth way from `start` to `end`, and its change, `clock` [s] after it set out."""
+    """A force [N] on its smooth way from `start` to `end`, and its change, `clock` [s] after it
+    set out.
+    """
     share = min(clock / duration, 1.0)
     span = end - start
-    return Reference(start + span * share**2 * (3.0 - 2.0 * share), span * 6.0 * share * (1.0 - share) / duration)
+    return Reference(
+        start + span * share**2 * (3.0 - 2.0 * share), span * 6.0 * share * (1.0 - share) / duration
+    )
 
 
 def _enter(progress: Progress, phase: Phase, entry: float = 0.0) -> Progress:
@@ -194,7 +211,9 @@ def _travel_end(route: Route) -> int:
     return route.last if route.in_air else route.start
 
 
-def _travel(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _travel(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.touching:
         why = "something was touched on the way through the air: is the path's surroundings clear?"
         return progress, Demand(fault=SafetyError(why, now.force))
@@ -203,27 +222,34 @@ def _travel(progress: Progress, now: Situation, route: Route, force: float, conf
     return progress, Demand()
 
 
-def _approach(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _approach(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.pause:
         return _enter(progress, Phase.RETREAT), Demand()
     if now.touching and now.depth < -config.window:
         why = (
-            f"the skin was met {-now.depth * 1e3:.0f} mm before where it was planned, expected within "
-            f"{config.window * 1e3:.0f} mm: has the phantom moved since the pictures were taken?"
+            f"the skin was met {-now.depth * 1e3:.0f} mm before where it was planned, expected "
+            f"within {config.window * 1e3:.0f} mm: has the phantom moved since the pictures were "
+            "taken?"
         )
         return progress, Demand(fault=SafetyError(why, now.depth))
     if now.touching:
-        return _enter(progress, Phase.SETTLE, now.force), Demand(reference=Reference(now.force), meets=True)
+        return _enter(progress, Phase.SETTLE, now.force), Demand(
+            reference=Reference(now.force), meets=True
+        )
     if now.depth > config.window:
         why = (
-            f"no contact within {config.window * 1e3:.0f} mm beyond the planned skin: is the phantom where the cameras "
-            "saw it, and is the sensor connected?"
+            f"no contact within {config.window * 1e3:.0f} mm beyond the planned skin: is the "
+            "phantom where the cameras saw it, and is the sensor connected?"
         )
         return progress, Demand(fault=RobotError(why, now.depth))
     return progress, Demand(speed=config.approach_speed)
 
 
-def _settle(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _settle(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.pause:
         return _enter(progress, Phase.LIFT, now.force), Demand(reference=Reference(now.force))
     if not now.touching and progress.clock > config.ramp_time:
@@ -233,7 +259,9 @@ def _settle(progress: Progress, now: Situation, route: Route, force: float, conf
     return progress, Demand(reference=ramp(progress.clock, progress.entry, force, config.ramp_time))
 
 
-def _loop(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _loop(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if not now.touching:
         return _lose(progress, now, config)
     if progress.row >= route.last:
@@ -247,8 +275,8 @@ def _lose(progress: Progress, now: Situation, config: PhaseConfig) -> Step:
     """Search where contact was lost, unless that happens all the time."""
     if progress.lost >= config.losses:
         why = (
-            f"contact was lost {progress.lost + 1} times: is the phantom much stiffer or softer than expected "
-            "(surface.stiffness), or does it shake?"
+            f"contact was lost {progress.lost + 1} times: is the phantom much stiffer or softer "
+            "than expected (surface.stiffness), or does it shake?"
         )
         return progress, Demand(fault=RobotError(why, progress.lost + 1))
     searching = replace(_enter(progress, Phase.SEARCH, now.depth), lost=progress.lost + 1)
@@ -259,31 +287,41 @@ def _search_speed(config: PhaseConfig) -> float:
     return min(config.search_speed, config.approach_speed)
 
 
-def _search(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _search(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.touching:
-        return _enter(progress, Phase.SETTLE, now.force), Demand(reference=Reference(now.force), meets=True)
+        return _enter(progress, Phase.SETTLE, now.force), Demand(
+            reference=Reference(now.force), meets=True
+        )
     if now.depth - progress.entry > config.search_depth:
         why = (
-            f"contact was lost and not found again within {config.search_depth * 1e3:.0f} mm along the normal: does "
-            "the plan leave the skin, or has the phantom moved?"
+            f"contact was lost and not found again within {config.search_depth * 1e3:.0f} mm along "
+            "the normal: does the plan leave the skin, or has the phantom moved?"
         )
         return progress, Demand(fault=RobotError(why, now.depth))
     return progress, Demand(speed=_search_speed(config))
 
 
-def _halt(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _halt(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if progress.feed == 0.0:
         return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
     return progress, Demand(reference=Reference(force))
 
 
-def _lift(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _lift(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if progress.clock >= config.ramp_time or not now.touching:
         return _enter(progress, Phase.RETREAT, now.depth), Demand(leaves=True)
     return progress, Demand(reference=ramp(progress.clock, progress.entry, 0.0, config.ramp_time))
 
 
-def _retreat(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _retreat(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.depth > _clear(progress, route):
         return progress, Demand(speed=-config.retreat_speed)
     if now.rate < 0.0:
@@ -293,22 +331,30 @@ def _retreat(progress: Progress, now: Situation, route: Route, force: float, con
 
 
 def _clear(progress: Progress, route: Route) -> float:
-    """Depth at which a retreat ends [m]: as far from the planned skin as from where the skin was felt."""
+    """Depth at which a retreat ends [m]: as far from the planned skin as from where the skin was
+    felt.
+    """
     return min(progress.entry, 0.0) - route.clearance
 
 
-def _pause(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _pause(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     return (progress if now.pause else _enter(progress, Phase.APPROACH)), Demand()
 
 
-def _escape(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _escape(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     if now.depth > _clear(progress, route):
         return progress, Demand(speed=-config.escape_speed)
     at_rest = now.rate == 0.0 and progress.feed == 0.0
     return (_enter(progress, Phase.DONE) if at_rest else progress), Demand()
 
 
-def _done(progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig) -> Step:
+def _done(
+    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+) -> Step:
     return progress, Demand()
 
 

@@ -1,8 +1,9 @@
 """Which directions the plan controls and which the force: S and S' of [Zhang, Fig. 23].
 
-In the probe's frame S' selects the probe axis; S = 1 - S' all the rest. The expected pose X_e is S of the planned one,
-with the probe turned about its tip as far as the wrench asks, and S' of what the force controller makes of the force
-error. That acts along the planned axis, so that a probe that turns does not leave the planned line.
+In the probe's frame S' selects the probe axis; S = 1 - S' all the rest. The expected pose X_e is S
+of the planned one, with the probe turned about its tip as far as the wrench asks, and S' of what
+the force controller makes of the force error. That acts along the planned axis, so that a probe
+that turns does not leave the planned line.
 """
 
 import math
@@ -22,10 +23,15 @@ def corrected(X_BP, depth, rx, ry):
         rx: Turn of the probe about its own x, with the tip in place [rad].
         ry: The same about its y then [rad].
     """
-    cx, sx, cy, sy = math.cos(rx), math.sin(rx), math.cos(ry), math.sin(ry)
+    cx = math.cos(rx)
+    sx = math.sin(rx)
+    cy = math.cos(ry)
+    sy = math.sin(ry)
     X_sent = X_BP.copy()
     for i in range(3):
-        x, y, z = X_BP[i, 0], X_BP[i, 1], X_BP[i, 2]
+        x = X_BP[i, 0]
+        y = X_BP[i, 1]
+        z = X_BP[i, 2]
         across = cx * z - sx * y
         X_sent[i, 0] = cy * x - sy * across
         X_sent[i, 1] = cx * y + sx * z

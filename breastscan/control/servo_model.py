@@ -1,7 +1,8 @@
 """Where the tip is by now, from what was commanded: the servo's model along one axis.
 
-A controller that waits for the measured effect of its own commands would count them twice. The measured pose would do
-as well in principle, but it carries the arm's deflection under the very force that is to be controlled.
+A controller that waits for the measured effect of its own commands would count them twice. The
+measured pose would do as well in principle, but it carries the arm's deflection under the very
+force that is to be controlled.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,9 @@ class ServoModel:
         return ServoModel(position, 0.0, (position,) * round(TRANSPORT / period))
 
     def after(self, target: float, lag: float, period: float) -> "ServoModel":
-        """One period [s] later, a target [m] having been sent to a servo that trails steady motion by `lag` [s]."""
+        """One period [s] later, a target [m] having been sent to a servo that trails steady
+        motion by `lag` [s].
+        """
         if lag < NO_LAG:
             return ServoModel(target, (target - self.position) / period, self.waiting)
         arriving, *waiting = (*self.waiting, target)

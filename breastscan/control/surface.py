@@ -1,9 +1,10 @@
 """What is believed about the skin under the probe: where it is, how fast it moves, how stiff it is.
 
-An extended Kalman filter over the measured force. The tissue answers an indentation u with F = (stiffness u)^(3/2),
-as an elastic body answers any blunt probe [Johnson, Ch. 4]; the skin moves along the probe axis at a speed that changes
-by chance. Being a model of both, the filter does not mistake a moving skin for a soft one, as a ratio of force to
-motion under a working controller would.
+An extended Kalman filter over the measured force. The tissue answers an indentation u with F =
+(stiffness u)^(3/2), as an elastic body answers any blunt probe [Johnson, Ch. 4]; the skin moves
+along the probe axis at a speed that changes by chance. Being a model of both, the filter does not
+mistake a moving skin for a soft one, as a ratio of force to motion under a working controller
+would.
 """
 
 import math
@@ -16,7 +17,8 @@ FIRST_POSITION = 0.5e-3
 FIRST_SPEED = 0.01
 """Speed that the skin may have then [m/s]: twice that of breathing."""
 LEAST_FORCE = 0.05
-"""Force below which the filter does not linearise [N]: there its slope vanishes, and with it all that it tells."""
+"""Force below which the filter does not linearise [N]: there its slope vanishes, and with it all
+that it tells."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +28,8 @@ class SurfaceConfig:
     stiffness: float = 450.0
     """Stiffness with which a contact begins [N^(2/3)/m]: 5 N press 6.5 mm deep."""
     stiffness_spread: float = 1.5
-    """Its uncertainty, as a logarithm [-]: a rigid print, sixteen times as stiff, lies within two sigma."""
+    """Its uncertainty, as a logarithm [-]: a rigid print, sixteen times as stiff, lies within two
+    sigma."""
     stiffness_drift: float = 0.01
     """How fast it may change along the path, as a logarithm [1/sqrt(s)]."""
     unrest: float = 0.012
@@ -34,12 +37,15 @@ class SurfaceConfig:
     force_noise: float = 0.1
     """Least error of a force sample against the model [N]."""
     noise_factor: float = 3.0
-    """By how much that of a noisy sensor is greater than its noise [-]: its samples are not independent."""
+    """By how much that of a noisy sensor is greater than its noise [-]: its samples are not
+    independent."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The filter's state. Positions are along the probe axis from the planned skin, positive into the tissue."""
+    """The filter's state. Positions are along the probe axis from the planned skin, positive
+    into the tissue.
+    """
 
     position: float
     """Of the undeformed skin [m]."""
@@ -52,10 +58,13 @@ class Surface:
 
     @staticmethod
     def met(depth: float, force: float, stiffness: float, config: SurfaceConfig) -> "Surface":
-        """At first contact, with the tip at `depth` [m] and a force [N]; about so stiff [N^(2/3)/m]."""
+        """At first contact, with the tip at `depth` [m] and a force [N]; about so stiff
+        [N^(2/3)/m].
+        """
         indentation = max(force, 0.0) ** (1 / EXPONENT) / stiffness
         spread = config.stiffness_spread
-        along = indentation * spread**2  # a stiffer tissue is indented less: both errors go together
+        # a stiffer tissue is indented less: both errors go together
+        along = indentation * spread**2
         return Surface(
             depth - indentation,
             0.0,
@@ -76,10 +85,16 @@ class Surface:
         """Force per indentation [N/m] about a force [N]."""
         return EXPONENT * self.stiffness * max(force, LEAST_FORCE) ** (1 - 1 / EXPONENT)
 
-    def after(self, depth: float, force: float, noise: float, config: SurfaceConfig, period: float) -> "Surface":
-        """One period [s] later, with the tip at `depth` [m] and a measured force [N] of that `noise` [N]."""
+    def after(
+        self, depth: float, force: float, noise: float, config: SurfaceConfig, period: float
+    ) -> "Surface":
+        """One period [s] later, with the tip at `depth` [m] and a measured force [N] of that
+        `noise` [N].
+        """
         ss, sv, sk, vv, vk, kk = self.covariance
-        position, speed, log_stiffness = self.position + period * self.speed, self.speed, self.log_stiffness
+        position = self.position + period * self.speed
+        speed = self.speed
+        log_stiffness = self.log_stiffness
         unrest = config.unrest**2 * period
         ss += period * (2.0 * sv + period * (vv + unrest / 3.0))
         sv += period * (vv + unrest / 2.0)
@@ -96,7 +111,11 @@ class Surface:
         s = ss * by_position + sk * by_stiffness
         v = sv * by_position + vk * by_stiffness
         k = sk * by_position + kk * by_stiffness
-        variance = by_position * s + by_stiffness * k + max(config.noise_factor * noise, config.force_noise) ** 2
+        variance = (
+            by_position * s
+            + by_stiffness * k
+            + max(config.noise_factor * noise, config.force_noise) ** 2
+        )
         surprise = (force - expected) / variance
         return Surface(
             position + s * surprise,

@@ -1,10 +1,11 @@
-"""Is the probe normal to the skin? The wrench says so, and the tilt is driven to zero within a bound.
+"""Is the probe normal to the skin? The wrench says so, and the tilt is driven to zero within a
+bound.
 
-Skin without friction pushes along its own normal. A probe that is tilted about x therefore feels a force along y; one
-that is tilted about y, along the array, touches with another part of its convex face, so that the pressure's middle
-moves and a moment about y shows. Friction, which opposes the motion across the skin, spoils the first signal and not
-the second, for it passes through the tip. Its coefficient is learnt from what changes as the motion sets out, when the
-tilt does not.
+Skin without friction pushes along its own normal. A probe that is tilted about x therefore feels a
+force along y; one that is tilted about y, along the array, touches with another part of its convex
+face, so that the pressure's middle moves and a moment about y shows. Friction, which opposes the
+motion across the skin, spoils the first signal and not the second, for it passes through the tip.
+Its coefficient is learnt from what changes as the motion sets out, when the tilt does not.
 """
 
 import math
@@ -16,19 +17,22 @@ class TiltConfig:
     """How the probe is turned towards the normal."""
 
     force_gain: float = 0.9
-    """Share along y of the pressing force per tilt about x [1/rad]: 1 on skin much larger than the probe; measured on
-    the twin, as the next one."""
+    """Share along y of the pressing force per tilt about x [1/rad]: 1 on skin much larger than the
+    probe; measured on the twin, as the next one."""
     moment_gain: float = 0.031
-    """Moment about y over the pressing force per tilt about y [m/rad]: half of the face's radius of 60 mm."""
+    """Moment about y over the pressing force per tilt about y [m/rad]: half of the face's radius of
+    60 mm."""
     time_constant: float = 1.0
     """Of the turn towards the normal [s]."""
     filter_hz: float = 1.0
     """Corner of the low-pass on both signals [Hz]."""
     force_dead_band: float = math.radians(1.0)
-    """Tilt about x that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6 degrees."""
+    """Tilt about x that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6
+    degrees."""
     moment_dead_band: float = math.radians(5.0)
-    """Tilt about y that is left alone [rad]: a force that the sensor, 160 mm away, reads 1 % too far across looks like
-    2.9 degrees. Planned normals are better than that, so this is for plans that are wrong."""
+    """Tilt about y that is left alone [rad]: a force that the sensor, 160 mm away, reads 1 % too
+    far across looks like 2.9 degrees. Planned normals are better than that, so this is for plans
+    that are wrong."""
     bound: float = math.radians(8.0)
     """Largest correction about each axis [rad]."""
     rate_limit: float = math.radians(3.0)
@@ -36,8 +40,8 @@ class TiltConfig:
     least_force: float = 1.0
     """Pressing force below which the wrench says nothing about the tilt [N]."""
     largest_noise: float = 0.1
-    """Noise of the force beyond which the sensor is not believed [N]: an arm's built-in one has offsets of a newton
-    across the axis, which look like ten degrees."""
+    """Noise of the force beyond which the sensor is not believed [N]: an arm's built-in one has
+    offsets of a newton across the axis, which look like ten degrees."""
     friction: float = 0.1
     """Coefficient of friction to begin with [-]: gel has .05 to .2."""
     friction_time: float = 1.0
@@ -98,7 +102,9 @@ class Drag:
 
 
 def turn(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
-    """One period later; without contact, or with a sensor that is too noisy, the correction stays as it is."""
+    """One period later; without contact, or with a sensor that is too noisy, the correction
+    stays as it is.
+    """
     pressing = -now.wrench[2]
     if pressing < config.least_force or now.noise > config.largest_noise:
         return memory
@@ -119,12 +125,20 @@ def turn(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
 
 
 def _learnt(
-    signals: tuple[float, float, float, float], memory: TiltMemory, config: TiltConfig, period: float
+    signals: tuple[float, float, float, float],
+    memory: TiltMemory,
+    config: TiltConfig,
+    period: float,
 ) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
     """Slow parts of the signals, and the friction's correlation and weight, one period on."""
     weight = period / config.friction_time
-    sx, sy, svx, svy = (s + weight * (signal - s) for s, signal in zip(memory.slow, signals, strict=True))
-    hx, hy, hvx, hvy = signals[0] - sx, signals[1] - sy, signals[2] - svx, signals[3] - svy
+    sx, sy, svx, svy = (
+        s + weight * (signal - s) for s, signal in zip(memory.slow, signals, strict=True)
+    )
+    hx = signals[0] - sx
+    hy = signals[1] - sy
+    hvx = signals[2] - svx
+    hvy = signals[3] - svy
     correlation, known = memory.learnt
     return (sx, sy, svx, svy), (
         correlation + period * (hx * hvx + hy * hvy),
@@ -132,8 +146,12 @@ def _learnt(
     )
 
 
-def _towards_zero(correction: float, tilt: float, dead_band: float, config: TiltConfig, period: float) -> float:
-    """The correction [rad] one period on, that takes what leaves the dead band of the tilt [rad] away."""
+def _towards_zero(
+    correction: float, tilt: float, dead_band: float, config: TiltConfig, period: float
+) -> float:
+    """The correction [rad] one period on, that takes what leaves the dead band of the tilt [rad]
+    away.
+    """
     beyond = math.copysign(max(abs(tilt) - dead_band, 0.0), tilt)
     rate = min(max(-beyond / config.time_constant, -config.rate_limit), config.rate_limit)
     return min(max(correction + rate * period, -config.bound), config.bound)

@@ -51,7 +51,9 @@ class Watch:
         return Watch(now.time, 0, now.sample, now.time, now.wrench_P, now.time, now.depth)
 
 
-def look(now: Observation, watch: Watch, limits: SafetyLimits) -> tuple[BreastScanError | None, Watch]:
+def look(
+    now: Observation, watch: Watch, limits: SafetyLimits
+) -> tuple[BreastScanError | None, Watch]:
     """Judge one state.
 
     Returns:
@@ -59,7 +61,15 @@ def look(now: Observation, watch: Watch, limits: SafetyLimits) -> tuple[BreastSc
     """
     if now.time <= watch.time:
         silent = watch.silent + 1
-        held = Watch(watch.time, silent, watch.sample, watch.sampled, watch.wrench_P, watch.changed, watch.changed_at)
+        held = Watch(
+            watch.time,
+            silent,
+            watch.sample,
+            watch.sampled,
+            watch.wrench_P,
+            watch.changed,
+            watch.changed_at,
+        )
         return _silence(silent * now.period, limits), held
     fresh = now.sample != watch.sample
     moved = now.wrench_P != watch.wrench_P
@@ -73,15 +83,17 @@ def look(now: Observation, watch: Watch, limits: SafetyLimits) -> tuple[BreastSc
         now.depth if moved else watch.changed_at,
     )
     late = now.time - watch.time - now.period
-    return _lateness(late, limits) or _wrench(now, watch, limits) or _standing(now, after, limits), after
+    return _lateness(late, limits) or _wrench(now, watch, limits) or _standing(
+        now, after, limits
+    ), after
 
 
 def _silence(time: float, limits: SafetyLimits) -> BreastScanError | None:
     if time <= limits.silence:
         return None
     return RobotError(
-        f"no new state for {time * 1e3:.0f} ms, at most {limits.silence * 1e3:.0f} were expected: is the link to the "
-        "robot up?",
+        f"no new state for {time * 1e3:.0f} ms, at most {limits.silence * 1e3:.0f} were expected: "
+        "is the link to the robot up?",
         time,
     )
 
@@ -90,8 +102,8 @@ def _lateness(late: float, limits: SafetyLimits) -> BreastScanError | None:
     if late <= limits.lateness:
         return None
     return SafetyError(
-        f"the controller missed its deadline by {late * 1e3:.0f} ms, at most {limits.lateness * 1e3:.0f} are allowed: "
-        "close other programs, or raise its priority",
+        f"the controller missed its deadline by {late * 1e3:.0f} ms, at most "
+        f"{limits.lateness * 1e3:.0f} are allowed: close other programs, or raise its priority",
         late,
     )
 
@@ -101,30 +113,38 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
     fx, fy, fz, tx, ty, tz = now.wrench_P
     force, torque = math.sqrt(fx * fx + fy * fy + fz * fz), math.sqrt(tx * tx + ty * ty + tz * tz)
     if not (math.isfinite(force) and math.isfinite(torque)):
-        return SafetyError("the force sensor sent a number that is not finite: check its cable and power", now.wrench_P)
+        return SafetyError(
+            "the force sensor sent a number that is not finite: check its cable and power",
+            now.wrench_P,
+        )
     if force > limits.sensor_range:
         return SafetyError(
-            f"the force sensor reads {force:.0f} N, beyond its range of {limits.sensor_range:.0f} N: is it overloaded "
-            "or unplugged?",
+            f"the force sensor reads {force:.0f} N, beyond its range of {limits.sensor_range:.0f} "
+            "N: is it overloaded or unplugged?",
             now.wrench_P,
         )
     if abs(fz - watch.wrench_P[2]) > limits.force_step:
         return SafetyError(
-            f"the measured force jumped from {-watch.wrench_P[2]:.1f} to {-fz:.1f} N between two samples, no contact "
-            "does that: check the sensor and its cable",
+            f"the measured force jumped from {-watch.wrench_P[2]:.1f} to {-fz:.1f} N between two "
+            "samples, no contact does that: check the sensor and its cable",
             now.wrench_P,
         )
     highest = min(limits.force, now.set_point + limits.force_margin)
     if force > limits.force or -fz > highest:
-        return SafetyError(f"contact force {max(-fz, force):.1f} N is above the limit of {highest:.1f} N", now.wrench_P)
+        return SafetyError(
+            f"contact force {max(-fz, force):.1f} N is above the limit of {highest:.1f} N",
+            now.wrench_P,
+        )
     if fz > limits.pull:
         return SafetyError(
-            f"the sensor says that the tissue draws the probe in with {fz:.1f} N: tare it in the air again",
+            f"the sensor says that the tissue draws the probe in with {fz:.1f} N: tare it in the "
+            "air again",
             now.wrench_P,
         )
     if torque > limits.torque:
         return SafetyError(
-            f"contact torque {torque:.2f} N m is above the limit of {limits.torque:.2f} N m", now.wrench_P
+            f"contact torque {torque:.2f} N m is above the limit of {limits.torque:.2f} N m",
+            now.wrench_P,
         )
     return None
 
@@ -133,12 +153,15 @@ def _standing(now: Observation, after: Watch, limits: SafetyLimits) -> BreastSca
     """Judge whether the sensor still measures."""
     still = now.time - after.sampled
     if still > limits.frozen_time:
-        return SafetyError(f"the force sensor has sent no new sample for {still * 1e3:.0f} ms: check its cable", still)
+        return SafetyError(
+            f"the force sensor has sent no new sample for {still * 1e3:.0f} ms: check its cable",
+            still,
+        )
     same, way = now.time - after.changed, abs(now.depth - after.changed_at)
     if same > limits.stuck_time and way > limits.stuck_way:
         return SafetyError(
-            f"the force sensor repeats the same wrench since {same * 1e3:.0f} ms, while the probe moved by "
-            f"{way * 1e3:.1f} mm: it is frozen",
+            f"the force sensor repeats the same wrench since {same * 1e3:.0f} ms, while the probe "
+            f"moved by {way * 1e3:.1f} mm: it is frozen",
             now.wrench_P,
         )
     return None

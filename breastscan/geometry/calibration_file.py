@@ -1,4 +1,6 @@
-"""What Universal Robots measured on one arm, as its files give it: the controller's, or the ROS driver's."""
+"""What Universal Robots measured on one arm, as its files give it: the controller's, or the ROS
+driver's.
+"""
 
 import configparser
 import json
@@ -14,7 +16,8 @@ from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-"""Names of the joints' frames in the YAML file of Universal Robots' ROS driver (`ur_calibration`), base first."""
+"""Names of the joints' frames in the YAML file of Universal Robots' ROS driver (`ur_calibration`),
+base first."""
 
 
 def load(path: str | Path) -> KinematicCalibration:
@@ -26,14 +29,18 @@ def load(path: str | Path) -> KinematicCalibration:
     path = Path(path)
     if not path.is_file():
         raise CalibrationError(
-            f"no kinematic calibration at {path}: expected calibration.conf or ur_calibration's YAML", path
+            f"no kinematic calibration at {path}: expected calibration.conf or ur_calibration's "
+            "YAML",
+            path,
         )
     text = path.read_text(encoding="utf-8", errors="replace")
     return _from_conf(text, path) if "delta_theta" in text else _from_yaml(text, path)
 
 
 def _from_conf(text: str, path: Path) -> KinematicCalibration:
-    """The controller's own file: corrections of the DH parameters as lists in a section [mounting]."""
+    """The controller's own file: corrections of the DH parameters as lists in a section
+    [mounting].
+    """
     parser = configparser.ConfigParser()
     try:
         parser.read_string(text)
@@ -43,19 +50,25 @@ def _from_conf(text: str, path: Path) -> KinematicCalibration:
         raise _not_a_calibration(path, str(error)) from error
     for name, row in values.items():
         if row.shape != (6,) or not np.isfinite(row).all():
-            raise _not_a_calibration(path, f"delta_{name} must be six finite numbers, got {rows[name]}")
+            raise _not_a_calibration(
+                path, f"delta_{name} must be six finite numbers, got {rows[name]}"
+            )
     return KinematicCalibration.from_dh_corrections(**values)
 
 
 def _from_yaml(text: str, path: Path) -> KinematicCalibration:
-    """The ROS driver's file: each joint's frame as x, y, z [m] and roll, pitch, yaw [rad]; the last one is F."""
+    """The ROS driver's file: each joint's frame as x, y, z [m] and roll, pitch, yaw [rad]; the
+    last one is F.
+    """
     header = "%YAML:1.0\n---\n"  # without it OpenCV does not take a text for YAML
     try:
         storage = cv2.FileStorage(header + text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError) as error:
         raise _not_a_calibration(path, "it cannot be parsed") from error
     root = storage.getNode("kinematics")
-    X_joints = np.stack([_frame(root.getNode(name) if root.isMap() else root, name, path) for name in LINKS])
+    X_joints = np.stack(
+        [_frame(root.getNode(name) if root.isMap() else root, name, path) for name in LINKS]
+    )
     storage.release()
     return KinematicCalibration(X_joints=X_joints, X_6F=np.eye(4))
 
@@ -64,7 +77,11 @@ def _frame(node: cv2.FileNode, name: str, path: Path) -> np.ndarray:
     numbers = []
     for key in ("x", "y", "z", "roll", "pitch", "yaw"):
         value = node.getNode(key) if node.isMap() else None
-        if value is None or not (value.isReal() or value.isInt()) or not math.isfinite(value.real()):
+        if (
+            value is None
+            or not (value.isReal() or value.isInt())
+            or not math.isfinite(value.real())
+        ):
             raise _not_a_calibration(path, f"{name} has no number {key}")
         numbers.append(value.real())
     return se3.pose(Rotation.from_euler("xyz", numbers[3:]).as_matrix(), np.array(numbers[:3]))
@@ -72,7 +89,7 @@ def _frame(node: cv2.FileNode, name: str, path: Path) -> np.ndarray:
 
 def _not_a_calibration(path: Path, reason: str) -> CalibrationError:
     return CalibrationError(
-        f"{path} is not a kinematic calibration ({reason}): expected the controller's calibration.conf or the YAML "
-        "file of ur_calibration",
+        f"{path} is not a kinematic calibration ({reason}): expected the controller's "
+        "calibration.conf or the YAML file of ur_calibration",
         path,
     )

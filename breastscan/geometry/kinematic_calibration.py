@@ -1,7 +1,8 @@
 """Kinematics of one particular UR5e, with the corrections that Universal Robots measured on it.
 
-Without them the flange is off by millimetres, on some arms by centimetres. The nominal arm of `geometry.kinematics`
-stays as it is: its closed form gives all branches of the inverse, and Newton's method takes them to the real arm.
+Without them the flange is off by millimetres, on some arms by centimetres. The nominal arm of
+`geometry.kinematics` stays as it is: its closed form gives all branches of the inverse, and
+Newton's method takes them to the real arm.
 """
 
 import math
@@ -24,11 +25,13 @@ CONVERGED = 1e-12
 LARGEST_STEP = 0.2
 """Largest joint change of a step [rad]: farther away lies another branch."""
 NUDGE = 0.01
-"""How far beyond the nominal arm's reach a solution is looked for [m]: more than any calibration moves the wrist."""
+"""How far beyond the nominal arm's reach a solution is looked for [m]: more than any calibration
+moves the wrist."""
 SAME = 1e-5
 """Joint angles closer together are one solution [rad]."""
 LARGEST_CORRECTION = 0.05
-"""How far the flange of a calibrated arm may lie from the nominal one's [m] before the file must be of another arm."""
+"""How far the flange of a calibrated arm may lie from the nominal one's [m] before the file must be
+of another arm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +39,21 @@ class KinematicCalibration:
     """Where the joint axes of one arm really are, and the kinematics that follow."""
 
     X_joints: Float[np.ndarray, "6 4 4"]
-    """Each joint's frame at angle 0 in the frame that turns with the previous joint; the first one in B [m]."""
+    """Each joint's frame at angle 0 in the frame that turns with the previous joint; the first one
+    in B [m]."""
     X_6F: Float[np.ndarray, "4 4"]
     """The flange in the frame that turns with joint 6 [m]."""
 
     def __post_init__(self) -> None:
         parked = np.radians([0.0, -90.0, 90.0, -90.0, -90.0, 0.0])
-        distance = float(np.linalg.norm(self.forward(parked)[:3, 3] - kinematics.forward(parked)[:3, 3]))
+        distance = float(
+            np.linalg.norm(self.forward(parked)[:3, 3] - kinematics.forward(parked)[:3, 3])
+        )
         if not distance < LARGEST_CORRECTION:
             raise CalibrationError(
-                f"the calibrated flange lies {distance * 1e3:.0f} mm from the nominal UR5e's, expected less than "
-                f"{LARGEST_CORRECTION * 1e3:.0f} mm: is the file of another arm, or are its units not metres and "
-                "radians?",
+                f"the calibrated flange lies {distance * 1e3:.0f} mm from the nominal UR5e's, "
+                f"expected less than {LARGEST_CORRECTION * 1e3:.0f} mm: is the file of another "
+                "arm, or are its units not metres and radians?",
                 distance,
             )
 
@@ -90,14 +96,22 @@ class KinematicCalibration:
     def jacobian(self, q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 6 6"]:
         """Geometric Jacobian of the flange's origin, as `kinematics.jacobian` gives it."""
         J = np.empty((q.size // 6, 6, 6))
-        for one, frames in zip(J, _joint_frames(q.reshape(-1, 6), self.X_joints, self.X_6F), strict=True):
+        for one, frames in zip(
+            J, _joint_frames(q.reshape(-1, 6), self.X_joints, self.X_6F), strict=True
+        ):
             _flange_jacobian(frames, one)
         return J.reshape(*q.shape[:-1], 6, 6)
 
-    def step(self, q: Float[np.ndarray, "6"], X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6"]:
-        """Joint angles one Newton step from `q` [rad] towards a pose: for targets that move little between calls."""
+    def step(
+        self, q: Float[np.ndarray, "6"], X_BF: Float[np.ndarray, "4 4"]
+    ) -> Float[np.ndarray, "6"]:
+        """Joint angles one Newton step from `q` [rad] towards a pose: for targets that move
+        little between calls.
+        """
         q = np.ascontiguousarray(q)
-        return q + _newton_step(_joint_frames(q[None], self.X_joints, self.X_6F)[0], np.ascontiguousarray(X_BF))
+        return q + _newton_step(
+            _joint_frames(q[None], self.X_joints, self.X_6F)[0], np.ascontiguousarray(X_BF)
+        )
 
     def inverse(self, X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k 6"]:
         """All joint angles that reach one flange pose, as `kinematics.inverse` gives them."""
@@ -105,22 +119,28 @@ class KinematicCalibration:
         return branches[~np.isnan(branches[:, 0])]
 
     def inverse_branches(self, X_BF: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 8 6"]:
-        """The eight branches of each pose [rad], under the index that they have for the nominal arm.
+        """The eight branches of each pose [rad], under the index that they have for the nominal
+        arm.
 
-        None is missing where `kinematics.singularity_measure` is .1 or more; next to a singularity two branches meet
-        and one of them may be lost.
+        None is missing where `kinematics.singularity_measure` is .1 or more; next to a singularity
+        two branches meet and one of them may be lost.
         """
         goals = np.broadcast_to(X_BF[..., None, :, :], (*X_BF.shape[:-2], 8, 4, 4))
         q = self.refined(kinematics.inverse_branches(X_BF), goals)
-        for nudge in (-NUDGE, NUDGE):  # a pose that the nominal arm just cannot reach may be in reach of this one
+        # a pose that the nominal arm just cannot reach may be in reach of this one
+        for nudge in (-NUDGE, NUDGE):
             absent = np.isnan(q[..., 0])
             nearby = kinematics.inverse_branches(_nudged(X_BF, nudge))
             q[absent] = self.refined(nearby[absent], goals[absent])
             q[absent & _twins(q)] = np.nan
         return q
 
-    def refined(self, q: Float[np.ndarray, "*b 6"], X_BF: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
-        """The joint angles next to `q` [rad] with which this arm reaches the poses; NaN where there are none."""
+    def refined(
+        self, q: Float[np.ndarray, "*b 6"], X_BF: Float[np.ndarray, "*b 4 4"]
+    ) -> Float[np.ndarray, "*b 6"]:
+        """The joint angles next to `q` [rad] with which this arm reaches the poses; NaN where
+        there are none.
+        """
         angles = np.ascontiguousarray(q).reshape(-1, 6).copy()
         _refine(angles, np.ascontiguousarray(X_BF).reshape(-1, 4, 4), self.X_joints, self.X_6F)
         return angles.reshape(q.shape)
@@ -144,7 +164,9 @@ def _twins(q: np.ndarray) -> np.ndarray:
 @numba.njit(cache=True)
 @no_type_check  # keeps the tests' run-time type checker from wrapping what numba compiles
 def _joint_frames(q, X_joints, X_6F):
-    """Frames in B before each joint turns (their z axes are the joints' axes), and at last the flange."""
+    """Frames in B before each joint turns (their z axes are the joints' axes), and at last the
+    flange.
+    """
     frames = np.empty((len(q), 7, 4, 4))
     for k in range(len(q)):
         X = np.eye(4)

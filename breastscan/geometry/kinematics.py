@@ -1,7 +1,8 @@
 """Kinematics of the UR5e: forward, inverse in closed form, Jacobian, distance from singularities.
 
-DH frame 0 is B and frame 6 is F, in Universal Robots' own convention: at q = 0 the arm lies stretched along -x of B.
-The loops over poses are compiled, because a controller calls them at 500 Hz and a planner for 1e5 poses at a time.
+DH frame 0 is B and frame 6 is F, in Universal Robots' own convention: at q = 0 the arm lies
+stretched along -x of B. The loops over poses are compiled, because a controller calls them at 500
+Hz and a planner for 1e5 poses at a time.
 """
 
 import math
@@ -12,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 DH_D = np.array([0.1625, 0.0, 0.0, 0.1333, 0.0997, 0.0996])
-"""Link offsets [m], from Universal Robots, "DH parameters for calculations of kinematics and dynamics"."""
+"""Link offsets [m], from Universal Robots, "DH parameters for calculations of kinematics and
+dynamics"."""
 DH_A = np.array([0.0, -0.425, -0.3922, 0.0, 0.0, 0.0])
 """Link lengths [m], same source."""
 DH_ALPHA = np.array([math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0])
@@ -28,54 +30,70 @@ def forward(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]:
 
 
 def link_heights(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 7"]:
-    """Heights of all DH frames' origins over B's [m], from frame 0 (B) to frame 6 (F): for checks against the table."""
+    """Heights of all DH frames' origins over B's [m], from frame 0 (B) to frame 6 (F): for
+    checks against the table.
+    """
     return _link_heights(np.ascontiguousarray(q).reshape(-1, 6)).reshape(*q.shape[:-1], 7)
 
 
 def jacobian(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 6 6"]:
-    """Geometric Jacobian of the flange's origin in B: joint speeds to its (linear [m/s], angular [rad/s]) velocity."""
+    """Geometric Jacobian of the flange's origin in B: joint speeds to its (linear [m/s], angular
+    [rad/s]) velocity.
+    """
     return _jacobians(np.ascontiguousarray(q).reshape(-1, 6)).reshape(*q.shape[:-1], 6, 6)
 
 
 def inverse(X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k 6"]:
-    """All joint angles in (-pi, pi] [rad] that reach one flange pose: none where it is out of reach, 8 at most.
+    """All joint angles in (-pi, pi] [rad] that reach one flange pose: none where it is out of
+    reach, 8 at most.
 
-    Where the wrist is singular (sin q5 = 0) joints 4 and 6 turn about the same axis; the solution with q6 = 0 stands
-    for all.
+    Where the wrist is singular (sin q5 = 0) joints 4 and 6 turn about the same axis; the solution
+    with q6 = 0 stands for all.
     """
     branches = inverse_branches(X_BF)
     return branches[~np.isnan(branches[:, 0])]
 
 
 def inverse_branches(X_BF: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 8 6"]:
-    """The eight branches of the inverse kinematics of each pose [rad], rows of NaN where a branch does not exist.
+    """The eight branches of the inverse kinematics of each pose [rad], rows of NaN where a branch
+    does not exist.
 
-    A branch keeps its index along a continuous motion: 4 * shoulder + 2 * wrist + elbow, where shoulder is the side
-    on which joint 1 carries the arm, wrist is 1 where q5 < 0 and elbow is 1 where q3 < 0.
+    A branch keeps its index along a continuous motion: 4 * shoulder + 2 * wrist + elbow, where
+    shoulder is the side on which joint 1 carries the arm, wrist is 1 where q5 < 0 and elbow is 1
+    where q3 < 0.
     """
-    return _inverse_branches(np.ascontiguousarray(X_BF).reshape(-1, 4, 4)).reshape(*X_BF.shape[:-2], 8, 6)
+    return _inverse_branches(np.ascontiguousarray(X_BF).reshape(-1, 4, 4)).reshape(
+        *X_BF.shape[:-2], 8, 6
+    )
 
 
 def reach_excess(X_BF: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b"]:
-    """By how much the wrist of each pose lies beyond what any branch reaches [m]; 0 where the pose is reachable."""
+    """By how much the wrist of each pose lies beyond what any branch reaches [m]; 0 where the
+    pose is reachable.
+    """
     return _reach_excess(np.ascontiguousarray(X_BF).reshape(-1, 4, 4)).reshape(X_BF.shape[:-2])
 
 
 def singularity_measure(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b"]:
-    """The least of the three factors that vanish at the arm's singularities, each 1 at best or about so.
+    """The least of the three factors that vanish at the arm's singularities, each 1 at best or
+    about so.
 
-    They are |sin q3| (elbow stretched), |sin q5| (wrist folded) and the distance of the wrist's centre from the plane
-    through joint axes 1 and 2, over the length of both links (shoulder). The Jacobian's determinant is their product
-    times a2 a3 (a2 + a3).
+    They are |sin q3| (elbow stretched), |sin q5| (wrist folded) and the distance of the wrist's
+    centre from the plane through joint axes 1 and 2, over the length of both links (shoulder). The
+    Jacobian's determinant is their product times a2 a3 (a2 + a3).
     """
     return np.asarray(np.min(np.abs(singularity_factors(q)), axis=-1))
 
 
 def singularity_factors(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 3"]:
-    """Elbow, wrist and shoulder factor of `singularity_measure`, with their signs: a branch keeps all three."""
+    """Elbow, wrist and shoulder factor of `singularity_measure`, with their signs: a branch
+    keeps all three.
+    """
     q23, q234 = q[..., 1] + q[..., 2], q[..., 1] + q[..., 2] + q[..., 3]
     wrist_distance = DH_A[1] * np.cos(q[..., 1]) + DH_A[2] * np.cos(q23) + DH_D[4] * np.sin(q234)
-    return np.stack([np.sin(q[..., 2]), np.sin(q[..., 4]), wrist_distance / (DH_A[1] + DH_A[2])], axis=-1)
+    return np.stack(
+        [np.sin(q[..., 2]), np.sin(q[..., 4]), wrist_distance / (DH_A[1] + DH_A[2])], axis=-1
+    )
 
 
 # Below, `no_type_check` keeps the tests' run-time type checker from wrapping what numba compiles.
@@ -108,14 +126,19 @@ def _link_frames(q):
 def _link_heights(q):
     heights = np.zeros((len(q), 7))
     for k in range(len(q)):
-        x, y, z = 0.0, 0.0, 1.0  # the upward components of the frame's axes
+        # the upward components of the frame's axes
+        x = 0.0
+        y = 0.0
+        z = 1.0
         for j in range(6):
             c, s = math.cos(q[k, j]), math.sin(q[k, j])
             ca, sa = math.cos(DH_ALPHA[j]), math.sin(DH_ALPHA[j])
             along = c * x + s * y
             across = c * y - s * x
             heights[k, j + 1] = heights[k, j] + DH_A[j] * along + DH_D[j] * z
-            x, y, z = along, ca * across + sa * z, ca * z - sa * across
+            x = along
+            y = ca * across + sa * z
+            z = ca * z - sa * across
     return heights
 
 
@@ -145,7 +168,9 @@ def _wrap(angle):
 @numba.njit(cache=True)
 @no_type_check
 def _shoulder_offset_sine(X):
-    """Sine of the angle by which the lateral offset d4 turns joint 1 from the wrist's azimuth, and that azimuth."""
+    """Sine of the angle by which the lateral offset d4 turns joint 1 from the wrist's azimuth,
+    and that azimuth.
+    """
     x = X[0, 3] - DH_D[5] * X[0, 2]
     y = X[1, 3] - DH_D[5] * X[1, 2]
     distance = max(math.hypot(x, y), 1e-12)
@@ -155,7 +180,9 @@ def _shoulder_offset_sine(X):
 @numba.njit(cache=True)
 @no_type_check
 def _wrist(X, q1, wrist):
-    """q5, q6, q2 + q3 + q4 and the place of frame 4 in the arm's plane (from joint 2, outwards and up)."""
+    """q5, q6, q2 + q3 + q4 and the place of frame 4 in the arm's plane (from joint 2, outwards
+    and up).
+    """
     c1, s1 = math.cos(q1), math.sin(q1)
     across = X[0, :3] * s1 - X[1, :3] * c1  # axis of joints 2 to 4 in the flange's basis
     sign = -1.0 if wrist else 1.0
@@ -190,8 +217,12 @@ def _inverse_branches(X):
                     q3 = math.acos(min(max(c3, -1.0), 1.0)) * (1 - 2 * elbow)
                     q2 = math.atan2(y, x) - math.atan2(a3 * math.sin(q3), a2 + a3 * math.cos(q3))
                     row = q[k, 4 * shoulder + 2 * wrist + elbow]
-                    row[0], row[1], row[2] = _wrap(q1), _wrap(q2), q3
-                    row[3], row[4], row[5] = _wrap(q234 - q2 - q3), q5, q6
+                    row[0] = _wrap(q1)
+                    row[1] = _wrap(q2)
+                    row[2] = q3
+                    row[3] = _wrap(q234 - q2 - q3)
+                    row[4] = q5
+                    row[5] = q6
     return q
 
 

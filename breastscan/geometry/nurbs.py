@@ -1,8 +1,9 @@
 """Cubic NURBS curves through given points, open or closed [Zhang, Eqs. 16-22].
 
-The paper solves the control vertices of an open curve with given end tangents and closes the path by letting its ends
-meet. A closed curve here comes from the cyclic system instead, so that tangent and curvature match at the seam as well.
-SciPy's B-splines do the basis functions (Eq. 17) and the evaluation (Eq. 18), on homogeneous control vertices.
+The paper solves the control vertices of an open curve with given end tangents and closes the path
+by letting its ends meet. A closed curve here comes from the cyclic system instead, so that tangent
+and curvature match at the seam as well. SciPy's B-splines do the basis functions (Eq. 17) and the
+evaluation (Eq. 18), on homogeneous control vertices.
 """
 
 from dataclasses import dataclass
@@ -50,16 +51,19 @@ class Nurbs:
         """The curve through `points`, with knots at cumulative chord length.
 
         Args:
-            points: Points in order; a closed curve returns to the first by itself, so it must not be repeated.
-            closed: A closed curve (C2 everywhere); else an open one with the tangents at its ends that the parabola
-                through the three outermost points has.
-            weights: Weight of the control vertex next to each point, all positive: greater pulls the curve closer to
-                its polygon there; None for 1.
-            parameters: Where the curve passes the points, rising from 0, and below 1 for a closed curve and to 1 for an
-                open one; None for cumulative chord length. For quantities that go with another curve's points.
+            points: Points in order; a closed curve returns to the first by itself, so it must not
+                be repeated.
+            closed: A closed curve (C2 everywhere); else an open one with the tangents at its ends
+                that the parabola through the three outermost points has.
+            weights: Weight of the control vertex next to each point, all positive: greater pulls
+                the curve closer to its polygon there; None for 1.
+            parameters: Where the curve passes the points, rising from 0, and below 1 for a closed
+                curve and to 1 for an open one; None for cumulative chord length. For quantities
+                that go with another curve's points.
 
         Raises:
-            PlanningError: Fewer than 4 points, equal neighbours, numbers that are not finite or not positive weights.
+            PlanningError: Fewer than 4 points, equal neighbours, numbers that are not finite or not
+                positive weights.
         """
         check_points(points)
         given = chord_parameters(points, closed) if parameters is None else parameters
@@ -67,7 +71,9 @@ class Nurbs:
         solve = interpolate_closed if closed else interpolate_open
         return Nurbs(spline=solve(points, u, checked_weights(weights, len(points))), closed=closed)
 
-    def evaluate(self, u: Float[np.ndarray, "*n"] | float, derivative: int = 0) -> Float[np.ndarray, "*n d"]:
+    def evaluate(
+        self, u: Float[np.ndarray, "*n"] | float, derivative: int = 0
+    ) -> Float[np.ndarray, "*n d"]:
         """The curve or one of its derivatives with respect to u.
 
         Args:
@@ -81,8 +87,11 @@ class Nurbs:
             return self._plain_spline(self._inside(u), nu=derivative)
         return self.derivatives(u, derivative)[derivative]
 
-    def derivatives(self, u: Float[np.ndarray, "*n"] | float, order: int) -> Float[np.ndarray, "k *n d"]:
-        """The curve and its derivatives up to `order`, at once: a rational curve's build on each other.
+    def derivatives(
+        self, u: Float[np.ndarray, "*n"] | float, order: int
+    ) -> Float[np.ndarray, "k *n d"]:
+        """The curve and its derivatives up to `order`, at once: a rational curve's build on each
+        other.
 
         Raises:
             PlanningError: A parameter outside [0, 1].
@@ -103,7 +112,9 @@ class Nurbs:
     def _inside(u: np.ndarray | float) -> np.ndarray:
         u = np.asarray(u, float)
         if u.size and not (u.min() >= 0.0 and u.max() <= 1.0):
-            raise PlanningError("curve parameters must lie in [0, 1]: divide lengths by the curve's length", u)
+            raise PlanningError(
+                "curve parameters must lie in [0, 1]: divide lengths by the curve's length", u
+            )
         return u
 
     @property
@@ -129,13 +140,19 @@ class Nurbs:
 
     @cached_property
     def polynomials(self) -> Float[np.ndarray, "spans 4 h"]:
-        """Homogeneous power-basis coefficients of each span between `breaks`, highest power first."""
+        """Homogeneous power-basis coefficients of each span between `breaks`, highest power
+        first.
+        """
         starts = self.breaks[:-1]
-        return np.stack([self.spline(starts, nu=k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1)
+        return np.stack(
+            [self.spline(starts, nu=k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1
+        )
 
     @cached_property
     def _plain_spline(self) -> BSpline:
-        return BSpline(self.spline.t, self.control_points, DEGREE, extrapolate=self.spline.extrapolate)
+        return BSpline(
+            self.spline.t, self.control_points, DEGREE, extrapolate=self.spline.extrapolate
+        )
 
     def curvature(self, u: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Curvature at parameters u [1/m]."""
@@ -178,14 +195,18 @@ class Nurbs:
         return u
 
     def with_weights(self, weights: Float[np.ndarray, "n"]) -> "Nurbs":
-        """The curve of the same control vertices with other weights: drawn to the heavier ones, off the points.
+        """The curve of the same control vertices with other weights: drawn to the heavier ones, off
+        the points.
 
         Raises:
-            PlanningError: Not one positive weight a vertex (a closed curve's first three count once).
+            PlanningError: Not one positive weight a vertex (a closed curve's first three count
+                once).
         """
         count = len(self.weights) - (DEGREE if self.closed else 0)
         checked = checked_weights(weights, count)
         return Nurbs(
-            spline=homogeneous_spline(self.control_points[:count], checked, self.spline.t, self.closed),
+            spline=homogeneous_spline(
+                self.control_points[:count], checked, self.spline.t, self.closed
+            ),
             closed=self.closed,
         )

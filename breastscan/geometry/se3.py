@@ -8,7 +8,7 @@ Monogram notation: `X_AB` is the pose of frame B in frame A, so `p_A = transform
 | W | world | z up, origin under the robot's base on the table top |
 | B | robot base | as Universal Robots define it, z up |
 | F | tool flange | z out of the flange |
-| P | probe tip | middle of the probe face; z out of it into the tissue, x along the array, y in elevation |
+| P | probe tip | middle of its face; z out of it into tissue, x along the array, y in elevation |
 | L, R | left and right camera | OpenCV: x right, y down, z forward |
 | S | phantom | middle of the breast's base on the chest plate; z along the plate's outward normal |
 
@@ -20,7 +20,9 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 
-def pose(R: Float[np.ndarray, "*b 3 3"], p: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 4 4"]:
+def pose(
+    R: Float[np.ndarray, "*b 3 3"], p: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*b 4 4"]:
     """The pose with rotation `R` and translation `p` [m]."""
     X = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
     X[..., :3, :3] = R
@@ -35,17 +37,23 @@ def inverse(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 4 4"]:
     return pose(R_BA, -np.einsum("...ij,...j->...i", R_BA, X_AB[..., :3, 3]))
 
 
-def transform(X_AB: Float[np.ndarray, "4 4"], p_B: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+def transform(
+    X_AB: Float[np.ndarray, "4 4"], p_B: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3"]:
     """Points given in B, expressed in A [m]."""
     return p_B @ X_AB[:3, :3].T + X_AB[:3, 3]
 
 
-def rotate(X_AB: Float[np.ndarray, "4 4"], v_B: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+def rotate(
+    X_AB: Float[np.ndarray, "4 4"], v_B: Float[np.ndarray, "*n 3"]
+) -> Float[np.ndarray, "*n 3"]:
     """Free vectors given in basis B, expressed in basis A."""
     return v_B @ X_AB[:3, :3].T
 
 
-def from_rotation_vector(r: Float[np.ndarray, "*b 3"], p: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 4 4"]:
+def from_rotation_vector(
+    r: Float[np.ndarray, "*b 3"], p: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*b 4 4"]:
     """The pose with rotation vector `r` [rad] (axis times angle) and translation `p` [m]."""
     R = Rotation.from_rotvec(r.reshape(-1, 3)).as_matrix().reshape(*r.shape[:-1], 3, 3)
     return pose(R, p)
@@ -62,7 +70,9 @@ def pose_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
     return np.concatenate([X_AB[..., :3, 3], rotation_vector(X_AB)], axis=-1)
 
 
-def angle_between(a: Float[np.ndarray, "*b 3"], b: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b"]:
+def angle_between(
+    a: Float[np.ndarray, "*b 3"], b: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*b"]:
     """Angle between vectors [rad], accurate near 0 and pi as well."""
     cross = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.asarray(np.arctan2(cross, np.sum(a * b, axis=-1)))

@@ -1,7 +1,9 @@
-"""Scan paths that cover the whole breast: nested loops, a spiral, radial strokes, parallel strokes (raster).
+"""Scan paths that cover the whole breast: nested loops, a spiral, radial strokes, parallel strokes
+(raster).
 
-Every path is a sequence of rays from the middle of the breast's foot: the skin meets each of them once, near the top as
-well as low on the side, where neither heights nor places on the plate would say where on the skin one is.
+Every path is a sequence of rays from the middle of the breast's foot: the skin meets each of them
+once, near the top as well as low on the side, where neither heights nor places on the plate would
+say where on the skin one is.
 """
 
 import math
@@ -74,7 +76,10 @@ class Dome:
         n_B = self.surface.normals_B[seeds].mean(axis=0)
         planes_B = axes_along(ray_B)[:2]
         return self.surface.meet(
-            self.centre_B + distance * ray_B, n_B / np.linalg.norm(n_B), planes_B, planes_B @ self.centre_B
+            self.centre_B + distance * ray_B,
+            n_B / np.linalg.norm(n_B),
+            planes_B,
+            planes_B @ self.centre_B,
         )
 
 
@@ -82,7 +87,9 @@ def loops(dome: Dome, polar_angles: Float[np.ndarray, "k"], points: int) -> list
     """Nested closed loops, `points` each, at angles from the breast's axis [rad]."""
     _check_polar(polar_angles)
     azimuths = 2.0 * np.pi * np.arange(points) / points
-    return [dome.path(_rays(np.full(points, polar), azimuths), closed=True) for polar in polar_angles]
+    return [
+        dome.path(_rays(np.full(points, polar), azimuths), closed=True) for polar in polar_angles
+    ]
 
 
 def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing: float) -> Path:
@@ -101,7 +108,9 @@ def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing
     steps = np.hypot(np.diff(polar), np.sin(polar[1:]) * np.diff(azimuth))
     way = np.append(0.0, np.cumsum(steps))
     even = np.interp(np.linspace(0.0, way[-1], math.ceil(way[-1] / spacing) + 1), way, share)
-    return dome.path(_rays(innermost + (outermost - innermost) * even, 2.0 * np.pi * turns * even), closed=False)
+    return dome.path(
+        _rays(innermost + (outermost - innermost) * even, 2.0 * np.pi * turns * even), closed=False
+    )
 
 
 def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
@@ -116,7 +125,8 @@ def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path
     _check_polar(np.array([outermost]))
     polar = np.linspace(outermost, -outermost, points)
     return [
-        dome.path(_rays(polar, np.full(points, np.pi * stroke / strokes)), closed=False) for stroke in range(strokes)
+        dome.path(_rays(polar, np.full(points, np.pi * stroke / strokes)), closed=False)
+        for stroke in range(strokes)
     ]
 
 
@@ -135,18 +145,23 @@ def raster(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path
     for stroke, tilt in enumerate(tilts):
         reach = math.acos(math.cos(outermost) / math.cos(tilt))
         along = np.linspace(-reach, reach, points) * (-1) ** stroke
-        rays = np.stack([np.sin(tilt) * np.cos(along), np.sin(along), np.cos(tilt) * np.cos(along)], axis=1)
+        rays = np.stack(
+            [np.sin(tilt) * np.cos(along), np.sin(along), np.cos(tilt) * np.cos(along)], axis=1
+        )
         paths.append(dome.path(rays, closed=False))
     return paths
 
 
 def _rays(polar: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+    return np.stack(
+        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1
+    )
 
 
 def _check_polar(polar_angles: np.ndarray) -> None:
     if not ((polar_angles > 0.0) & (polar_angles < np.pi / 2)).all():
         raise PlanningError(
-            f"angles from the breast's axis must lie between 0 and pi / 2 (the chest plate), got {polar_angles}",
+            "angles from the breast's axis must lie between 0 and pi / 2 (the chest plate), got "
+            f"{polar_angles}",
             polar_angles,
         )

@@ -1,8 +1,9 @@
-"""Feedrate interpolation: a point of the curve for every control period, from rest to rest [Zhang, Eqs. 23-31].
+"""Feedrate interpolation: a point of the curve for every control period, from rest to rest [Zhang,
+Eqs. 23-31].
 
-The speed along the curve is planned first, over the whole length, under limits on speed, acceleration, jerk, normal
-acceleration and chord error. Then one step a period finds the parameter whose chord from the last point has the
-planned length.
+The speed along the curve is planned first, over the whole length, under limits on speed,
+acceleration, jerk, normal acceleration and chord error. Then one step a period finds the parameter
+whose chord from the last point has the planned length.
 """
 
 import math
@@ -22,9 +23,11 @@ from breastscan.geometry.nurbs import Nurbs
 LOOK_AHEAD_STEPS = 4096
 """Pieces of the curve, equal in length, on which its speed is planned."""
 SLOW_SHARE = 0.01
-"""Share of the top speed below which the fluctuation is not counted: there rounding of the coordinates shows."""
+"""Share of the top speed below which the fluctuation is not counted: there rounding of the
+coordinates shows."""
 END_PASSES = 8
-"""How often the steps are scaled to end on the curve's end, at most: each pass leaves about a thousandth."""
+"""How often the steps are scaled to end on the curve's end, at most: each pass leaves about a
+thousandth."""
 END_TOLERANCE = 1e-13
 """Where that stops, as a share of the curve."""
 
@@ -46,12 +49,15 @@ class FeedrateLimits:
     chord_error: float = 1e-6
     """Distance of the curve from the chord of one period [m]."""
     step: Step = "newton"
-    """Taylor expansion of first or second order, or the latter and one Newton step on the chord's length."""
+    """Taylor expansion of first or second order, or the latter and one Newton step on the chord's
+    length."""
 
     def __post_init__(self) -> None:
         require_positive(self, "feedrate")
         if self.step not in ("taylor1", "taylor2", "newton"):
-            raise ConfigError(f"step must be taylor1, taylor2 or newton, got {self.step!r}", self.step)
+            raise ConfigError(
+                f"step must be taylor1, taylor2 or newton, got {self.step!r}", self.step
+            )
 
     def slowed(self, factor: float) -> "FeedrateLimits":
         """The limits of the same motion taking `factor` times as long."""
@@ -83,7 +89,9 @@ class Feed:
 
     @property
     def fluctuation_pct(self) -> float:
-        """Largest speed fluctuation |delta_i| [%] [Zhang, Eq. 25], where the speed is 1 % of the top speed or more."""
+        """Largest speed fluctuation |delta_i| [%] [Zhang, Eq. 25], where the speed is 1 % of the
+        top speed or more.
+        """
         chords = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         planned = self.speeds[:-1] * np.diff(self.t)
         fast = planned >= SLOW_SHARE * planned.max()
@@ -99,11 +107,12 @@ def interpolate(curve: Nurbs, limits: FeedrateLimits, period: float) -> Feed:
         period: Control period T_s [s].
 
     Returns:
-        The samples; the first is the curve's start and the last exactly its end. The duration is rounded up to whole
-        periods, by going a little slower.
+        The samples; the first is the curve's start and the last exactly its end. The duration is
+        rounded up to whole periods, by going a little slower.
 
     Raises:
-        PlanningError: The period is not positive, or the curve is too short to be walked in steps of it.
+        PlanningError: The period is not positive, or the curve is too short to be walked in steps
+            of it.
     """
     if not period > 0.0:
         raise PlanningError(f"the control period must be positive, got {period} s", period)
@@ -120,8 +129,11 @@ def interpolate(curve: Nurbs, limits: FeedrateLimits, period: float) -> Feed:
     )
 
 
-def speed_limit(curvature: Float[np.ndarray, "n"], limits: FeedrateLimits, period: float) -> Float[np.ndarray, "n"]:
-    """Speed that chord error, normal acceleration and the top speed allow [m/s] [Zhang, Eqs. 26, 27].
+def speed_limit(
+    curvature: Float[np.ndarray, "n"], limits: FeedrateLimits, period: float
+) -> Float[np.ndarray, "n"]:
+    """Speed that chord error, normal acceleration and the top speed allow [m/s] [Zhang, Eqs. 26,
+    27].
 
     Args:
         curvature: 1 / rho at each point [1/m].
@@ -138,9 +150,10 @@ def speed_limit(curvature: Float[np.ndarray, "n"], limits: FeedrateLimits, perio
 def _planned_lengths(curve: Nurbs, limits: FeedrateLimits, period: float) -> np.ndarray:
     """Length along the curve at every period [m].
 
-    An acceleration-limited motion, averaged over a sliding window of time, changes its acceleration by 2a over the
-    window at most, so a window of 2a / jerk keeps the jerk limit. The average lags within the window, hence the speed
-    limits are first widened along the curve by the way that a window takes.
+    An acceleration-limited motion, averaged over a sliding window of time, changes its acceleration
+    by 2a over the window at most, so a window of 2a / jerk keeps the jerk limit. The average lags
+    within the window, hence the speed limits are first widened along the curve by the way that a
+    window takes.
     """
     window = max(2.0 * limits.acceleration / limits.jerk, period)
     grid = np.linspace(0.0, curve.length, LOOK_AHEAD_STEPS + 1)
@@ -152,7 +165,9 @@ def _planned_lengths(curve: Nurbs, limits: FeedrateLimits, period: float) -> np.
 
 
 def _look_ahead(s: np.ndarray, limit: np.ndarray, acceleration: float) -> np.ndarray:
-    """Greatest speed from rest to rest under `limit` and the acceleration, forwards and backwards."""
+    """Greatest speed from rest to rest under `limit` and the acceleration, forwards and
+    backwards.
+    """
     squared = limit**2
     squared[[0, -1]] = 0.0
     gain = 2.0 * acceleration * s
@@ -162,7 +177,9 @@ def _look_ahead(s: np.ndarray, limit: np.ndarray, acceleration: float) -> np.nda
 
 
 def _averaged_lengths(s: np.ndarray, speed: np.ndarray, window: float, period: float) -> np.ndarray:
-    """Length at every period of the motion with `speed` at lengths `s`, averaged over `window` [s]."""
+    """Length at every period of the motion with `speed` at lengths `s`, averaged over `window`
+    [s].
+    """
     durations = 2.0 * np.diff(s) / (speed[:-1] + speed[1:])
     t = np.append(0.0, np.cumsum(durations))
     length = PPoly(np.stack([np.diff(speed) / durations, speed[:-1]]), t).antiderivative()
@@ -181,21 +198,24 @@ def _averaged_lengths(s: np.ndarray, speed: np.ndarray, window: float, period: f
 def _end_to_end(curve: Nurbs, steps: np.ndarray, step: Step) -> tuple[np.ndarray, np.ndarray]:
     """Parameters after each step, and the steps, scaled together until the last one ends at u = 1.
 
-    Chords are shorter than the curve, so that they would overshoot its end (by some 1e-8 of its length).
+    Chords are shorter than the curve, so that they would overshoot its end (by some 1e-8 of its
+    length).
     """
     end_speed = float(np.linalg.norm(curve.evaluate(1.0, 1)))
     scale = 1.0
     u = np.empty(len(steps) + 1)
     for _ in range(END_PASSES):
-        u = _march(curve.breaks, curve.polynomials, scale * steps, step != "taylor1", step == "newton")
+        u = _march(
+            curve.breaks, curve.polynomials, scale * steps, step != "taylor1", step == "newton"
+        )
         if abs(u[-1] - 1.0) < END_TOLERANCE:
             break
         scale += (1.0 - u[-1]) * end_speed / curve.length
     u[-1] = 1.0
     if not (np.diff(u) > 0.0).all():
         raise PlanningError(
-            f"the curve of {curve.length * 1e3:.3g} mm cannot be walked in {len(steps)} steps: it stands still or "
-            "turns back on itself somewhere, so use fewer or other points",
+            f"the curve of {curve.length * 1e3:.3g} mm cannot be walked in {len(steps)} steps: it "
+            "stands still or turns back on itself somewhere, so use fewer or other points",
             curve.length,
         )
     return u, scale * steps
@@ -214,8 +234,8 @@ def _chord_error(curve: Nurbs, u: np.ndarray, positions: np.ndarray) -> float:
 def _march(breaks, polynomials, steps, second_order, newton):
     """Parameters whose chords have the lengths `steps` [Zhang, Eq. 29, corrected].
 
-    V T_s + A T_s^2 / 2, the way of one period under acceleration A, is the step itself: u' = u + step / |C'| -
-    step^2 (C'.C'') / (2 |C'|^4), then Newton's method on |C(u') - C(u)|^2 = step^2.
+    V T_s + A T_s^2 / 2, the way of one period under acceleration A, is the step itself: u' = u +
+    step / |C'| - step^2 (C'.C'') / (2 |C'|^4), then Newton's method on |C(u') - C(u)|^2 = step^2.
     """
     u = np.zeros(len(steps) + 1)
     here, there = np.empty((3, 3)), np.empty((3, 3))

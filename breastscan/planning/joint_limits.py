@@ -1,4 +1,6 @@
-"""What the arm keeps to: joint angles and their rates, distance from singularities, table, surroundings and itself."""
+"""What the arm keeps to: joint angles and their rates, distance from singularities, table,
+surroundings and itself.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,15 +13,22 @@ from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import kinematics
 
-OBSTACLES = ("out of reach", "beyond the elbow's limit", "too near a singularity", "below the floor")
+OBSTACLES = (
+    "out of reach",
+    "beyond the elbow's limit",
+    "too near a singularity",
+    "below the floor",
+)
 """What can stand against a configuration, in the order of `obstacles`."""
 
 RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 """What is limited for each joint, and its unit: the angle and its derivatives."""
 CLEARANCE_EVERY = 50
-"""Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and 500 Hz."""
+"""Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and
+500 Hz."""
 SMOOTHING_SHARE = 0.8
-"""Share of the collision margin that must be left where the smoothed spin leaves the measured poses."""
+"""Share of the collision margin that must be left where the smoothed spin leaves the measured
+poses."""
 
 
 @runtime_checkable
@@ -55,7 +64,9 @@ class LimitUse:
 
 @dataclass(frozen=True, kw_only=True)
 class JointPathConfig:
-    """Limits and freedoms of the joint path; the defaults are the UR5e's (Universal Robots, `joint_limits.yaml`)."""
+    """Limits and freedoms of the joint path; the defaults are the UR5e's (Universal Robots,
+    `joint_limits.yaml`).
+    """
 
     position_limit: float = 2 * math.pi
     """Joint angle either way [rad]."""
@@ -66,7 +77,8 @@ class JointPathConfig:
     acceleration_limit: float = 10.0
     """Joint acceleration [rad/s^2]."""
     jerk_limit: float = 100.0
-    """Joint jerk [rad/s^3]: full acceleration is reached in a tenth of a second. Universal Robots states none."""
+    """Joint jerk [rad/s^3]: full acceleration is reached in a tenth of a second. Universal Robots
+    states none."""
     position_margin: float = math.radians(5.0)
     """Kept from the position limits [rad]."""
     singularity_margin: float = 0.1
@@ -74,11 +86,12 @@ class JointPathConfig:
     floor: float = 0.05
     """Least height of elbow, wrist and flange over the base [m]: half a link above the table."""
     collision_margin: float = 0.01
-    """Least distance of the arm and its tool from themselves and from what stands around [m], where it is measured."""
+    """Least distance of the arm and its tool from themselves and from what stands around [m], where
+    it is measured."""
     spin_tolerance: float = math.pi / 2
-    """How far the array may turn away from lying across the path [rad]: 0 keeps it there, pi / 2 and more sets the spin
-    free. Free is the default, because the joints move least; a probe mounted at 45 degrees stays across the path even
-    so."""
+    """How far the array may turn away from lying across the path [rad]: 0 keeps it there, pi / 2
+    and more sets the spin free. Free is the default, because the joints move least; a probe mounted
+    at 45 degrees stays across the path even so."""
     clearance: float = 0.05
     """Distance from the skin, along the normal, of the poses before and after the path [m]."""
 
@@ -95,7 +108,9 @@ class JointPathConfig:
             value = getattr(self, name)
             if not least <= value <= most:
                 option = f"joints.{name.replace('_', '-')}"
-                raise ConfigError(f"{option} must lie between {least:.4g} and {most:.4g}, not {value}", value)
+                raise ConfigError(
+                    f"{option} must lie between {least:.4g} and {most:.4g}, not {value}", value
+                )
 
     @property
     def reachable_angles(self) -> Float[np.ndarray, "6"]:
@@ -127,8 +142,12 @@ def elbow_down(q: Float[np.ndarray, "*b 6"]) -> Bool[np.ndarray, "*b"]:
     return np.asarray(heights[..., 1] < (heights[..., 0] + heights[..., 2]) / 2.0)
 
 
-def limit_uses(q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig) -> list[LimitUse]:
-    """How much of each limit a joint trajectory [rad], one sample a period [s], takes, and where it takes most."""
+def limit_uses(
+    q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig
+) -> list[LimitUse]:
+    """How much of each limit a joint trajectory [rad], one sample a period [s], takes, and where
+    it takes most.
+    """
     rates = [q, *(np.diff(q, order, axis=0) / period**order for order in (1, 2, 3))]
     bounds = [
         config.reachable_angles,
@@ -136,11 +155,15 @@ def limit_uses(q: Float[np.ndarray, "n 6"], period: float, config: JointPathConf
         np.full(6, config.acceleration_limit),
         np.full(6, config.jerk_limit),
     ]
-    return [_use(name, unit, *both) for (name, unit), both in zip(RATES, zip(rates, bounds, strict=True), strict=True)]
+    return [
+        _use(name, unit, *both)
+        for (name, unit), both in zip(RATES, zip(rates, bounds, strict=True), strict=True)
+    ]
 
 
 def dilation(uses: list[LimitUse]) -> float:
-    """Factor by which the trajectory must take longer to keep the limits of speed, acceleration and jerk; 1 at least.
+    """Factor by which the trajectory must take longer to keep the limits of speed, acceleration and
+    jerk; 1 at least.
 
     Taking k times as long divides speeds by k, accelerations by k^2 and jerks by k^3.
     """
@@ -149,9 +172,13 @@ def dilation(uses: list[LimitUse]) -> float:
 
 
 def check_trajectory(
-    q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig, clearances: Clearances | None = None
+    q: Float[np.ndarray, "n 6"],
+    period: float,
+    config: JointPathConfig,
+    clearances: Clearances | None = None,
 ) -> None:
-    """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit but those of the rates.
+    """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit but those of
+    the rates.
 
     Raises:
         PlanningError: It does not; the joint, the sample and the cure are named.
@@ -159,20 +186,26 @@ def check_trajectory(
     angle = limit_uses(q, period, config)[0]
     if angle.share > 1.0:
         raise PlanningError(
-            f"joint {angle.joint} would pass its limit of {angle.bound:.2f} rad with {angle.value:.2f} rad at sample "
-            f"{angle.sample} of {len(q)}: start elsewhere on the loop, or run it the other way round",
+            f"joint {angle.joint} would pass its limit of {angle.bound:.2f} rad with "
+            f"{angle.value:.2f} rad at sample {angle.sample} of {len(q)}: start elsewhere on the "
+            "loop, or run it the other way round",
             angle.value,
         )
     against = obstacles(q, config)
     if against.any():
         kind, sample = (int(index) for index in np.argwhere(against)[0])
-        raise PlanningError(f"sample {sample} of {len(q)} comes {OBSTACLES[kind]}: move the phantom a little", sample)
+        raise PlanningError(
+            f"sample {sample} of {len(q)} comes {OBSTACLES[kind]}: move the phantom a little",
+            sample,
+        )
     if clearances is not None:
         _check_clearances(q, config.collision_margin, clearances)
 
 
 def _use(limit: str, unit: str, values: np.ndarray, bounds: np.ndarray) -> LimitUse:
-    sample, joint = (int(index) for index in np.unravel_index(np.argmax(np.abs(values) / bounds), values.shape))
+    sample, joint = (
+        int(index) for index in np.unravel_index(np.argmax(np.abs(values) / bounds), values.shape)
+    )
     return LimitUse(
         limit=limit,
         unit=unit,
@@ -190,7 +223,8 @@ def _check_clearances(q: np.ndarray, margin: float, clearances: Clearances) -> N
     worst = int(np.argmin(gaps))
     if not gaps[worst] >= margin * SMOOTHING_SHARE:
         raise PlanningError(
-            f"at sample {samples[worst]} of {len(q)} the arm is {gaps[worst] * 1e3:.1f} mm from itself or its "
-            f"surroundings, closer than {margin * SMOOTHING_SHARE * 1e3:.1f} mm: move the phantom a little",
+            f"at sample {samples[worst]} of {len(q)} the arm is {gaps[worst] * 1e3:.1f} mm from "
+            f"itself or its surroundings, closer than {margin * SMOOTHING_SHARE * 1e3:.1f} mm: "
+            "move the phantom a little",
             float(gaps[worst]),
         )

@@ -1,7 +1,8 @@
-"""Joint path: probe positions and normals become a joint trajectory inside every limit [Zhang, Sec. V-B.1, Fig. 19].
+"""Joint path: probe positions and normals become a joint trajectory inside every limit [Zhang, Sec.
+V-B.1, Fig. 19].
 
-Spin and branch are chosen once for the whole path (`planning.route`); here the inverse kinematics is solved at every
-control period, on that branch.
+Spin and branch are chosen once for the whole path (`planning.route`); here the inverse kinematics
+is solved at every control period, on that branch.
 """
 
 import numpy as np
@@ -35,7 +36,8 @@ def follow(
         calibration: The arm's own kinematics; None for the nominal arm's.
 
     Returns:
-        Joint angles at every period, and those clear of the skin before the first, all on the same branch [rad].
+        Joint angles at every period, and those clear of the skin before the first, all on the same
+        branch [rad].
 
     Raises:
         PlanningError: The branch ends somewhere on the path, or before or after it.
@@ -50,8 +52,8 @@ def follow(
     if lost.any():
         bad = int(np.argmax(lost))
         raise PlanningError(
-            f"the arm loses its configuration at sample {bad} of {len(q)}: raise joints.singularity_margin, or move "
-            "the phantom",
+            f"the arm loses its configuration at sample {bad} of {len(q)}: raise "
+            "joints.singularity_margin, or move the phantom",
             bad,
         )
     q = np.unwrap(q, axis=0)  # no jumps of whole turns, and each joint's range about zero

@@ -1,7 +1,9 @@
-"""From a path on the skin to a timed joint trajectory: feedrate and joint path together, slowed until both agree.
+"""From a path on the skin to a timed joint trajectory: feedrate and joint path together, slowed
+until both agree.
 
-The feedrate knows the curve's limits and the joint path those of the arm. Where the arm could not keep up, the whole
-motion takes longer: its shape in time stays, so that nothing is added to the fluctuation of its speed.
+The feedrate knows the curve's limits and the joint path those of the arm. Where the arm could not
+keep up, the whole motion takes longer: its shape in time stays, so that nothing is added to the
+fluctuation of its speed.
 """
 
 from dataclasses import dataclass
@@ -18,7 +20,8 @@ from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import Path
 
 MOST_PASSES = 4
-"""How often the motion is slowed at most: the second pass corrects what the rounding to whole periods changed."""
+"""How often the motion is slowed at most: the second pass corrects what the rounding to whole
+periods changed."""
 SLACK = 1.001
 """How much slower than needed, so that rounding breaks no limit."""
 LIFT_STEP = 25
@@ -27,7 +30,9 @@ LIFT_STEP = 25
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What the arm is to do: a path on the skin, one row a control period, and how to come to it."""
+    """What the arm is to do: a path on the skin, one row a control period, and how to come to
+    it.
+    """
 
     q: Float[np.ndarray, "n 6"]
     """Joint angles with the probe tip on the planned skin [rad]."""
@@ -38,7 +43,8 @@ class Motion:
     q_approach: Float[np.ndarray, "6"]
     """Joint angles with the probe clear of the skin in front of the path's first point [rad]."""
     clearance: float
-    """How far in front of it, along the probe axis [m]; the retreat ends as far from the last point."""
+    """How far in front of it, along the probe axis [m]; the retreat ends as far from the last
+    point."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
 
@@ -48,7 +54,9 @@ class Motion:
         second = min(first + 1, len(self.q) - 1)
         return self.q[first] + (row - first) * (self.q[second] - self.q[first])
 
-    def lifted(self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration) -> Float[np.ndarray, "6"]:
+    def lifted(
+        self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
+    ) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] with the tip clear of the skin above a row; NaN where out of reach."""
         X_lifted = route.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
         return arm.refined(self.q[row], X_lifted @ se3.inverse(X_FP))
@@ -78,7 +86,8 @@ def plan(
     clearances: Clearances | None = None,
     calibration: KinematicCalibration | None = None,
 ) -> tuple[Motion, Feed]:
-    """The motion along a path inside every limit of the feedrate and of the arm, and the feed it was made from.
+    """The motion along a path inside every limit of the feedrate and of the arm, and the feed it
+    was made from.
 
     Args:
         path: Points and normals on the skin, in B.
@@ -86,11 +95,13 @@ def plan(
         period: Control period [s].
         limits: What the motion along the curve keeps to.
         config: What the joints keep to.
-        clearances: Measures the arm's distance from itself and its surroundings; None leaves that out.
+        clearances: Measures the arm's distance from itself and its surroundings; None leaves that
+            out.
         calibration: The arm's own kinematics; None for the nominal arm's.
 
     Raises:
-        PlanningError: Some point cannot be reached, or no path joins the reachable poses inside every limit.
+        PlanningError: Some point cannot be reached, or no path joins the reachable poses inside
+            every limit.
     """
     feed = feedrate.interpolate(path.curve, limits, period)
     chosen = route.choose(feed.positions, path.normals(feed.u), X_FP, period, config, clearances)
@@ -103,12 +114,20 @@ def plan(
         if longer == 1.0:
             joint_limits.check_trajectory(q, period, config, clearances)
             qd = np.gradient(q, period, axis=0)
-            planned = Motion(q=q, qd=qd, s=feed.s, q_approach=q_approach, clearance=config.clearance, slowed=slowed)
+            planned = Motion(
+                q=q,
+                qd=qd,
+                s=feed.s,
+                q_approach=q_approach,
+                clearance=config.clearance,
+                slowed=slowed,
+            )
             return planned, feed
         slowed *= longer * SLACK
         feed = feedrate.interpolate(path.curve, limits.slowed(slowed), period)
     raise PlanningError(
-        f"the joints break a limit of speed, acceleration or jerk although the path takes {slowed:.1f} times as long: "
-        "free the probe's spin, or move the phantom away from the arm's singularities",
+        "the joints break a limit of speed, acceleration or jerk although the path takes "
+        f"{slowed:.1f} times as long: free the probe's spin, or move the phantom away from the "
+        "arm's singularities",
         slowed,
     )

@@ -1,4 +1,6 @@
-"""Moving least squares: quadratic patches fitted to a noisy cloud wherever a point of the surface is asked for."""
+"""Moving least squares: quadratic patches fitted to a noisy cloud wherever a point of the
+surface is asked for.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +30,9 @@ NEWTON_STEPS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """The surface near a point as a quadratic height over a plane: f = c . (1, x, y, x^2, x y, y^2)."""
+    """The surface near a point as a quadratic height over a plane: f = c . (1, x, y, x^2, x y,
+    y^2).
+    """
 
     origin_B: Float[np.ndarray, "3"]
     """Where x, y and height are zero [m]."""
@@ -72,7 +76,8 @@ class Surface:
         bad = ~(np.isfinite(self.points_B).all(axis=1) & np.isfinite(self.normals_B).all(axis=1))
         if bad.any():
             raise PlanningError(
-                f"{int(bad.sum())} of {len(self.points_B)} points or normals are not finite: drop them first",
+                f"{int(bad.sum())} of {len(self.points_B)} points or normals are not finite: drop "
+                "them first",
                 self.points_B[bad],
             )
 
@@ -90,14 +95,16 @@ class Surface:
         near_B = self.points_B[self.tree.query_ball_point(p_B, self.radius)]
         if len(near_B) < FEWEST_POINTS:
             raise PlanningError(
-                f"only {len(near_B)} points within {self.radius * 1e3:.0f} mm of {np.round(p_B * 1e3, 1)} mm in B, a "
-                f"patch needs {FEWEST_POINTS}: look at the hole in the cloud, keep more points, or widen the patches",
+                f"only {len(near_B)} points within {self.radius * 1e3:.0f} mm of "
+                f"{np.round(p_B * 1e3, 1)} mm in B, a patch needs {FEWEST_POINTS}: look at the "
+                "hole in the cloud, keep more points, or widen the patches",
                 p_B,
             )
         return near_B
 
     def patch(self, origin_B: Float[np.ndarray, "3"], n_B: Float[np.ndarray, "3"]) -> Patch:
-        """Fit the points near `origin_B`, with heights along the unit vector `n_B`, outliers left out.
+        """Fit the points near `origin_B`, with heights along the unit vector `n_B`, outliers left
+        out.
 
         Raises:
             PlanningError: Too few points are near.
@@ -138,8 +145,9 @@ class Surface:
             xy = _on_line(patch, planes_B, offsets)
             if not np.linalg.norm(xy) < self.radius:
                 raise PlanningError(
-                    f"the skin near {np.round(seed_B * 1e3)} mm in B does not come to where the path is to pass: keep "
-                    "the path lower than the top and inside the rim of what was seen",
+                    f"the skin near {np.round(seed_B * 1e3)} mm in B does not come to where the "
+                    "path is to pass: keep the path lower than the top and inside the rim of what "
+                    "was seen",
                     seed_B,
                 )
             p_B, n_B = patch.point(xy), patch.normal(xy)
@@ -169,7 +177,9 @@ def _terms(xy: np.ndarray) -> np.ndarray:
 
 
 def _weighted_fit(local: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Coefficients of the quadratic nearest to the points, by the normal equations in coordinates of order 1."""
+    """Coefficients of the quadratic nearest to the points, by the normal equations in
+    coordinates of order 1.
+    """
     scale = np.abs(local[:, :2]).max()
     terms = _terms(local[:, :2] / scale)
     weighted = terms * weights[:, None]

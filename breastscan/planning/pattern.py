@@ -1,7 +1,8 @@
-"""Scan paths on the reconstructed skin: the loop at half height of the breast [Zhang, Sec. III-D, Figs. 13, 14].
+"""Scan paths on the reconstructed skin: the loop at half height of the breast [Zhang, Sec. III-D,
+Figs. 13, 14].
 
-Every point of a path, and its normal, come from a quadratic patch fitted to the cloud around it (`planning.patch`):
-the path lies on the skin although the points of the cloud do not.
+Every point of a path, and its normal, come from a quadratic patch fitted to the cloud around it
+(`planning.patch`): the path lies on the skin although the points of the cloud do not.
 """
 
 import math
@@ -48,17 +49,23 @@ class PatternConfig:
 
     def __post_init__(self) -> None:
         if self.points < 4:
-            raise ConfigError(f"pattern.points must be 4 or more for a cubic curve, not {self.points}", self.points)
+            raise ConfigError(
+                f"pattern.points must be 4 or more for a cubic curve, not {self.points}",
+                self.points,
+            )
         if not 0.0 < self.height_share < 1.0:
             raise ConfigError(
-                f"pattern.height-share must lie between 0 and 1, not {self.height_share}", self.height_share
+                f"pattern.height-share must lie between 0 and 1, not {self.height_share}",
+                self.height_share,
             )
         require_positive(self, "pattern")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Path:
-    """Ordered points on the skin and the outward normals there; a closed path returns to its first point by itself."""
+    """Ordered points on the skin and the outward normals there; a closed path returns to its
+    first point by itself.
+    """
 
     points_B: Float[np.ndarray, "n 3"]
     """Points in B [m]."""
@@ -83,11 +90,16 @@ class Path:
 
 
 def half_height_loop(
-    points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], plate: Plane, config: PatternConfig
+    points_B: Float[np.ndarray, "n 3"],
+    normals_B: Float[np.ndarray, "n 3"],
+    plate: Plane,
+    config: PatternConfig,
 ) -> Path:
-    """The closed loop round the breast at `config.height_share` of its height above the chest plate.
+    """The closed loop round the breast at `config.height_share` of its height above the chest
+    plate.
 
-    It starts on the side that is nearest to the robot and runs counter-clockwise about the plate's normal.
+    It starts on the side that is nearest to the robot and runs counter-clockwise about the plate's
+    normal.
 
     Args:
         points_B: The reconstructed skin in B [m].
@@ -105,7 +117,8 @@ def half_height_loop(
 def top_height(surface: Surface, plate: Plane) -> float:
     """Height of the breast's top, the nipple's tip, above the plate [m].
 
-    Small patches at some of the highest points: noise does not raise them, nor does the breast below lower them.
+    Small patches at some of the highest points: noise does not raise them, nor does the breast
+    below lower them.
     """
     heights = plate.heights(surface.points_B)
     highest = np.argsort(heights)[-max(math.ceil(TOP_SHARE * len(heights)), TOP_PATCHES) :]
@@ -127,13 +140,18 @@ def level_loop(surface: Surface, plate: Plane, height: float, config: PatternCon
     radius = float(np.linalg.norm(traced_B - traced_B.mean(axis=0), axis=1).min())
     if radius < config.smallest_radius:
         raise PlanningError(
-            f"the loop at {height * 1e3:.0f} mm above the plate has a radius of {radius * 1e3:.0f} mm, the smallest to "
-            f"be scanned is {config.smallest_radius * 1e3:.0f} mm: choose a lower loop",
+            f"the loop at {height * 1e3:.0f} mm above the plate has a radius of {radius * 1e3:.0f} "
+            f"mm, the smallest to be scanned is {config.smallest_radius * 1e3:.0f} mm: choose a "
+            "lower loop",
             radius,
         )
     curve = Nurbs.interpolate(traced_B)
-    even_B = curve.evaluate(curve.parameter(curve.length * np.arange(config.points) / config.points))
-    points_B, normals_B = zip(*(ring.trace(azimuth) for azimuth in ring.azimuths(even_B)), strict=True)
+    even_B = curve.evaluate(
+        curve.parameter(curve.length * np.arange(config.points) / config.points)
+    )
+    points_B, normals_B = zip(
+        *(ring.trace(azimuth) for azimuth in ring.azimuths(even_B)), strict=True
+    )
     return Path(points_B=np.stack(points_B), normals_B=np.stack(normals_B))
 
 
@@ -157,8 +175,9 @@ class _Ring:
         band = np.flatnonzero(np.abs(heights - height) < config.patch_radius / 2)
         if len(band) < TRACED_POINTS:
             raise PlanningError(
-                f"only {len(band)} points lie near the height of {height * 1e3:.0f} mm above the chest plate, a loop "
-                f"needs {TRACED_POINTS}: check that the cameras see the breast and that the plate's height is right",
+                f"only {len(band)} points lie near the height of {height * 1e3:.0f} mm above the "
+                f"chest plate, a loop needs {TRACED_POINTS}: check that the cameras see the breast "
+                "and that the plate's height is right",
                 len(band),
             )
         axes = plate_axes(plate, surface.points_B[band].mean(axis=0))
@@ -198,7 +217,9 @@ def plate_axes(plate: Plane, middle_B: np.ndarray) -> np.ndarray:
 
 
 def _circle_centre(p_B: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Middle of the circle through the points as the plate sees them: uneven density does not move it."""
+    """Middle of the circle through the points as the plate sees them: uneven density does not
+    move it.
+    """
     local = p_B @ axes.T
     A = np.column_stack([2.0 * local[:, :2], np.ones(len(local))])
     x, y, _ = np.linalg.lstsq(A, np.sum(local[:, :2] ** 2, axis=1), rcond=None)[0]
@@ -216,9 +237,9 @@ def _check_gaps(azimuths: np.ndarray, largest: float) -> None:
     widest = int(np.argmax(gaps))
     if gaps[widest] > largest:
         raise PlanningError(
-            f"the loop does not close: no skin was seen over {np.degrees(gaps[widest]):.0f} degrees, from "
-            f"{np.degrees(ordered[widest]):.0f} degrees on (0 is towards the robot, counter-clockwise), and only "
-            f"{np.degrees(largest):.0f} are bridged: move the cameras, the light or the phantom so that all sides "
-            "are seen",
+            f"the loop does not close: no skin was seen over {np.degrees(gaps[widest]):.0f} "
+            f"degrees, from {np.degrees(ordered[widest]):.0f} degrees on (0 is towards the robot, "
+            f"counter-clockwise), and only {np.degrees(largest):.0f} are bridged: move the "
+            "cameras, the light or the phantom so that all sides are seen",
             float(gaps[widest]),
         )

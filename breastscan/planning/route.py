@@ -1,7 +1,8 @@
-"""Which spin the probe has along its path, and on which branch the arm follows: the least joint motion over all of it.
+"""Which spin the probe has along its path, and on which branch the arm follows: the least joint
+motion over all of it.
 
-The probe may turn about its own axis, and the arm reaches a pose on up to eight branches. The choice is made on poses
-some millimetres apart (`planning.spin_graph`); its spins are then smoothed.
+The probe may turn about its own axis, and the arm reaches a pose on up to eight branches. The
+choice is made on poses some millimetres apart (`planning.spin_graph`); its spins are then smoothed.
 """
 
 import math
@@ -15,7 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from breastscan.errors import PlanningError
 from breastscan.geometry import kinematics, se3
-from breastscan.planning.joint_limits import OBSTACLES, Clearances, JointPathConfig, elbow_down, obstacles
+from breastscan.planning.joint_limits import (
+    OBSTACLES,
+    Clearances,
+    JointPathConfig,
+    elbow_down,
+    obstacles,
+)
 from breastscan.planning.spin_graph import SPIN_STEP, SPINS, SpinGraph, spun
 
 GRAPH_SPACING = 0.005
@@ -23,11 +30,13 @@ GRAPH_SPACING = 0.005
 LEAST_STEPS = 6
 """Steps of the graph on the shortest path: a quintic curve needs so many."""
 SMOOTHING_POSES = 3.0
-"""Width (standard deviation) of the average that takes the graph's steps out of the spin, in poses of the graph."""
+"""Width (standard deviation) of the average that takes the graph's steps out of the spin, in poses
+of the graph."""
 LEAST_ACROSS = 0.01
 """Least sine of the angle between the direction of travel and the normal."""
 LEAST_COSINE = -0.9
-"""Of the angle between a normal and the mean of all: the shortest turn to the opposite is not defined."""
+"""Of the angle between a normal and the mean of all: the shortest turn to the opposite is not
+defined."""
 FREE_SPIN = math.pi / 2 - 1e-9
 """Spin tolerance from which on the array may lie anyhow [rad]."""
 FLOOR_SPARE = 0.005
@@ -35,7 +44,8 @@ FLOOR_SPARE = 0.005
 LARGEST_STEP = 0.6
 """Joint change from pose to pose above which the arm would flip [rad]."""
 ELBOW_DOWN_COST = 1e3
-"""Added at each pose with the elbow down, in the graph's unit of rad^2/s: any path with the elbow up costs less."""
+"""Added at each pose with the elbow down, in the graph's unit of rad^2/s: any path with the elbow
+up costs less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +57,8 @@ class Route:
     branch: int
     """Index into `kinematics.inverse_branches`."""
     mean_normal_B: Float[np.ndarray, "3"] | None
-    """A free spin counts from the `steady_poses` about it; None where the spin counts from across the path."""
+    """A free spin counts from the `steady_poses` about it; None where the spin counts from across
+    the path."""
 
     def poses(
         self, positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
@@ -73,7 +84,8 @@ def choose(
         X_FP: Probe tip in the flange.
         period: Control period [s].
         config: Limits, margins and the freedom of the spin.
-        clearances: Measures the arm's distance from itself and its surroundings; None leaves that out.
+        clearances: Measures the arm's distance from itself and its surroundings; None leaves that
+            out.
 
     Raises:
         PlanningError: Some point cannot be reached, or no route joins the reachable poses.
@@ -91,8 +103,9 @@ def across_path_poses(
 ) -> Float[np.ndarray, "n 4 4"]:
     """Probe poses at spin 0: z against the normal, x (the array) across the direction of travel.
 
-    The direction is that of a quintic curve through some of the samples. The path's own tangent has a kink in its
-    rate of turn at every point of a cubic, which would be an unbounded jerk of the joints.
+    The direction is that of a quintic curve through some of the samples. The path's own tangent has
+    a kink in its rate of turn at every point of a cubic, which would be an unbounded jerk of the
+    joints.
     """
     s = _lengths(positions_B)
     nodes = _graph_poses(s)
@@ -103,8 +116,8 @@ def across_path_poses(
     if not across.min() > LEAST_ACROSS:
         bad = int(np.argmin(across))
         raise PlanningError(
-            f"the path runs along the normal at sample {bad} of {len(positions_B)}: its direction of travel across "
-            "the skin is not defined there, so check the normals",
+            f"the path runs along the normal at sample {bad} of {len(positions_B)}: its direction "
+            "of travel across the skin is not defined there, so check the normals",
             positions_B[bad],
         )
     x_B /= across[:, None]
@@ -112,19 +125,25 @@ def across_path_poses(
 
 
 def steady_poses(
-    positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], mean_normal_B: Float[np.ndarray, "3"]
+    positions_B: Float[np.ndarray, "n 3"],
+    normals_B: Float[np.ndarray, "n 3"],
+    mean_normal_B: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Probe poses at spin 0 whatever the direction of travel: the mean pose, turned the shortest way to each normal.
+    """Probe poses at spin 0 whatever the direction of travel: the mean pose, turned the shortest
+    way to each normal.
 
     A free spin counts from here, so that the smoothed spin need not undo every wiggle of the path.
     """
-    R_mean = Rotation.align_vectors(-mean_normal_B[None], np.array([[0.0, 0.0, 1.0]]))[0].as_matrix()
+    R_mean = Rotation.align_vectors(-mean_normal_B[None], np.array([[0.0, 0.0, 1.0]]))[
+        0
+    ].as_matrix()
     axis_B = np.cross(R_mean[:, 2], -normals_B)
     cosine = -normals_B @ R_mean[:, 2]
     if not cosine.min() > LEAST_COSINE:
         bad = int(np.argmin(cosine))
         raise PlanningError(
-            f"the normal at sample {bad} of {len(normals_B)} points against the others: check the normals",
+            f"the normal at sample {bad} of {len(normals_B)} points against the others: check the "
+            "normals",
             normals_B[bad],
         )
     W = np.cross(axis_B[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # W v = axis x v
@@ -139,7 +158,9 @@ def retreated(X_BP: Float[np.ndarray, "*n 4 4"], distance: float) -> Float[np.nd
     return X_retreated
 
 
-def _unspun_poses(positions_B: np.ndarray, normals_B: np.ndarray, mean_normal_B: np.ndarray | None) -> np.ndarray:
+def _unspun_poses(
+    positions_B: np.ndarray, normals_B: np.ndarray, mean_normal_B: np.ndarray | None
+) -> np.ndarray:
     if mean_normal_B is None:
         return across_path_poses(positions_B, normals_B)
     return steady_poses(positions_B, normals_B, mean_normal_B)
@@ -151,8 +172,8 @@ def _lengths(positions_B: np.ndarray) -> np.ndarray:
     if len(steps) < LEAST_STEPS or not steps.min() > 0.0:
         bad = int(np.argmin(steps)) if len(steps) else 0
         raise PlanningError(
-            f"the path stands still at sample {bad + 1} of {len(positions_B)}, or has fewer than {LEAST_STEPS + 1} "
-            "samples: drop repeated samples",
+            f"the path stands still at sample {bad + 1} of {len(positions_B)}, or has fewer than "
+            f"{LEAST_STEPS + 1} samples: drop repeated samples",
             bad,
         )
     return np.append(0.0, np.cumsum(steps))
@@ -165,7 +186,9 @@ def _graph_poses(s: np.ndarray) -> np.ndarray:
     return np.append(nodes[:-1], len(s) - 1)
 
 
-def _graph(X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: JointPathConfig) -> SpinGraph:
+def _graph(
+    X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: JointPathConfig
+) -> SpinGraph:
     """All spins and branches of the poses, and what it costs to be there."""
     spins = SPIN_STEP * np.arange(SPINS)
     X_BP = spun(np.repeat(X_BQ[:, None], SPINS, axis=1), np.broadcast_to(spins, (len(X_BQ), SPINS)))
@@ -175,7 +198,8 @@ def _graph(X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: Jo
     ends = [0, -1]  # from here the probe must come clear of the skin too
     q_clear = kinematics.inverse_branches(retreated(X_BP[ends], config.clearance) @ X_PF)
     against[:, ends] |= obstacles(q_clear, strict)
-    across = np.abs(np.angle(np.exp(2j * spins))) / 2.0  # half a turn leaves the array across the path
+    # half a turn leaves the array across the path
+    across = np.abs(np.angle(np.exp(2j * spins))) / 2.0
     turned_away = (across > config.spin_tolerance + 1e-9)[:, None]
     allowed = ~(against.any(axis=0) | turned_away)
     _check_reachable(X_BP, X_PF, against, allowed)
@@ -183,7 +207,9 @@ def _graph(X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: Jo
     return SpinGraph(q=q, cost=cost, durations=durations, largest_step=LARGEST_STEP)
 
 
-def _check_reachable(X_BP: np.ndarray, X_PF: np.ndarray, against: np.ndarray, allowed: np.ndarray) -> None:
+def _check_reachable(
+    X_BP: np.ndarray, X_PF: np.ndarray, against: np.ndarray, allowed: np.ndarray
+) -> None:
     """Every pose must have an allowed node; else name the worst one and what stands against it."""
     barred = ~allowed.any(axis=(1, 2))
     if not barred.any():
@@ -194,30 +220,37 @@ def _check_reachable(X_BP: np.ndarray, X_PF: np.ndarray, against: np.ndarray, al
     where = f"point {worst + 1} of {len(X_BP)} along the path, at {point_mm} mm in B,"
     if excess[worst] > 0.0:
         raise PlanningError(
-            f"{where} is {excess[worst] * 1e3:.0f} mm out of the arm's reach: move the phantom that much, or tilt the "
-            "probe's mount",
+            f"{where} is {excess[worst] * 1e3:.0f} mm out of the arm's reach: move the phantom "
+            "that much, or tilt the probe's mount",
             worst,
         )
-    counts = ", ".join(f"{int(o.sum())} {name}" for name, o in zip(OBSTACLES, against[:, worst], strict=True))
+    counts = ", ".join(
+        f"{int(o.sum())} {name}" for name, o in zip(OBSTACLES, against[:, worst], strict=True)
+    )
     raise PlanningError(
-        f"{where} has no allowed joint angles; of {allowed[worst].size} candidates, there or just clear of the skin, "
-        f"{counts}, and the rest have the wrong spin: free the spin, tilt the probe's mount or move the phantom",
+        f"{where} has no allowed joint angles; of {allowed[worst].size} candidates, there or just "
+        f"clear of the skin, {counts}, and the rest have the wrong spin: free the spin, tilt the "
+        "probe's mount or move the phantom",
         worst,
     )
 
 
-def _clear_motion(graph: SpinGraph, clearances: Clearances | None, margin: float) -> tuple[np.ndarray, int]:
+def _clear_motion(
+    graph: SpinGraph, clearances: Clearances | None, margin: float
+) -> tuple[np.ndarray, int]:
     """Spins and branch of least motion whose every pose keeps `margin` [m] from collisions.
 
-    Distances are measured only where the least motion leads; a pose where it would collide is measured for all its
-    nodes, these are barred, and the least motion is sought again.
+    Distances are measured only where the least motion leads; a pose where it would collide is
+    measured for all its nodes, these are barred, and the least motion is sought again.
     """
     while True:
         spins, branch = graph.least_motion()
         if clearances is None:
             return spins, branch
         index = np.round(spins / SPIN_STEP).astype(int) % SPINS
-        colliding = np.flatnonzero(clearances(graph.q[np.arange(len(graph.q)), index, branch]) < margin)
+        colliding = np.flatnonzero(
+            clearances(graph.q[np.arange(len(graph.q)), index, branch]) < margin
+        )
         if len(colliding) == 0:
             return spins, branch
         for pose in colliding:
@@ -226,17 +259,19 @@ def _clear_motion(graph: SpinGraph, clearances: Clearances | None, margin: float
             graph.cost[pose][open_nodes] = np.where(near, np.inf, graph.cost[pose][open_nodes])
             if near.all():
                 raise PlanningError(
-                    f"at pose {pose} of {len(graph.q)} along the path the arm comes within {margin * 1e3:.0f} mm of "
-                    "itself or its surroundings whatever the spin: move the phantom, tilt the probe's mount or lower "
-                    "joints.collision_margin",
+                    f"at pose {pose} of {len(graph.q)} along the path the arm comes within "
+                    f"{margin * 1e3:.0f} mm of itself or its surroundings whatever the spin: move "
+                    "the phantom, tilt the probe's mount or lower joints.collision_margin",
                     int(pose),
                 )
 
 
 def _smooth_spin(node_spins: np.ndarray) -> BSpline:
-    """Spin over the share of the length: a cubic B-spline whose control vertices are the averaged spins of the graph.
+    """Spin over the share of the length: a cubic B-spline whose control vertices are the averaged
+    spins of the graph.
 
-    It is twice differentiable and stays within the range of its vertices, and so within the spin's tolerance.
+    It is twice differentiable and stays within the range of its vertices, and so within the spin's
+    tolerance.
     """
     vertices = gaussian_filter1d(node_spins, SMOOTHING_POSES, mode="nearest")
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, len(vertices) - 2), np.ones(3)])

@@ -1,7 +1,8 @@
-"""Least joint motion along a path whose spin about the probe's axis is free: a graph, solved by dynamic programming.
+"""Least joint motion along a path whose spin about the probe's axis is free: a graph, solved by
+dynamic programming.
 
-The graph's nodes are (pose of the path, spin, branch of the inverse kinematics). A branch is never left: between two
-of them lies a singularity.
+The graph's nodes are (pose of the path, spin, branch of the inverse kinematics). A branch is never
+left: between two of them lies a singularity.
 """
 
 from dataclasses import dataclass
@@ -36,10 +37,11 @@ class SpinGraph:
     """Joint change above which two nodes are not joined [rad]: the arm would flip."""
 
     def least_motion(self) -> tuple[Float[np.ndarray, "poses"], int]:
-        """Spin of each pose [rad], without jumps, and the branch, for the least integral of joint motion.
+        """Spin of each pose [rad], without jumps, and the branch, for the least integral of joint
+        motion.
 
-        That is the squared joint speed, with joints faster than `KNEE_SPEED` counting steeply more, so that no joint
-        rushes in order to let the others rest.
+        That is the squared joint speed, with joints faster than `KNEE_SPEED` counting steeply more,
+        so that no joint rushes in order to let the others rest.
 
         Raises:
             PlanningError: No path joins the first pose and the last.
@@ -53,16 +55,18 @@ class SpinGraph:
             if not np.isfinite(value).any():
                 pose = len(origins)
                 raise PlanningError(
-                    f"no joint path leads from pose {pose - 1} to pose {pose} of {len(self.q)} along the path without "
-                    "passing a joint's limit or speed, a singularity or the floor: lower the feedrate, free the "
-                    "probe's spin or move the phantom",
+                    f"no joint path leads from pose {pose - 1} to pose {pose} of {len(self.q)} "
+                    "along the path without passing a joint's limit or speed, a singularity or the "
+                    "floor: lower the feedrate, free the probe's spin or move the phantom",
                     pose,
                 )
         spin, branch = np.unravel_index(np.argmin(value), value.shape)
         return self._trace_back(origins, int(spin), int(branch)), int(branch)
 
     def _edges(self) -> Float[np.ndarray, "steps 7 72 8"]:
-        """Joint motion of arriving at each node by each shift; infinite where the arm would flip."""
+        """Joint motion of arriving at each node by each shift; infinite where the arm would
+        flip.
+        """
         arrivals = self.q[1:]
         edges = np.empty((len(arrivals), len(SHIFTS), SPINS, arrivals.shape[2]))
         for k, shift in enumerate(SHIFTS):
@@ -81,12 +85,16 @@ class SpinGraph:
 
 
 def _motion(change: np.ndarray, duration: np.ndarray) -> np.ndarray:
-    """Squared joint speed, and more above the knee, summed over the joints and integrated over `duration` [s]."""
+    """Squared joint speed, and more above the knee, summed over the joints and integrated over
+    `duration` [s].
+    """
     squared = (change / duration[..., None]) ** 2
     return np.sum(squared * (1.0 + (squared / KNEE_SPEED**2) ** 3), axis=-1) * duration
 
 
-def spun(X_BQ: Float[np.ndarray, "*b 4 4"], spin: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b 4 4"]:
+def spun(
+    X_BQ: Float[np.ndarray, "*b 4 4"], spin: Float[np.ndarray, "*b"]
+) -> Float[np.ndarray, "*b 4 4"]:
     """Poses turned about their own z axis by `spin` [rad]."""
     axis = np.zeros((*spin.shape, 3))
     return X_BQ @ se3.from_rotation_vector(axis + spin[..., None] * np.array([0.0, 0.0, 1.0]), axis)

@@ -1,4 +1,6 @@
-"""Pictures of both calibrations: found corners, residuals, places of the board, rectified lines, poses of the arm."""
+"""Pictures of both calibrations: found corners, residuals, places of the board, rectified lines,
+poses of the arm.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,9 +32,14 @@ def write_png(figure: Figure, path: Path) -> None:
 
 
 def corners(
-    pictures: Sequence[Grey], pixels: Sequence[Float[np.ndarray, "n 2"]], titles: Sequence[str], columns: int = 2
+    pictures: Sequence[Grey],
+    pixels: Sequence[Float[np.ndarray, "n 2"]],
+    titles: Sequence[str],
+    columns: int = 2,
 ) -> Figure:
-    """The found corners in some pictures, joined in the order in which they are counted [Zhang, Figs. 2, 17]."""
+    """The found corners in some pictures, joined in the order in which they are counted [Zhang,
+    Figs. 2, 17].
+    """
     rows = -(-len(pictures) // columns)
     figure, axes = theme.panels(rows, columns, height_in=4.0 * rows)
     for axis, picture, found, name in zip(axes.flat, pictures, pixels, titles, strict=True):
@@ -60,24 +67,34 @@ def residual_bars(names: Sequence[str], residuals_px: Float[np.ndarray, "n 2"]) 
 
 
 def board_places(
-    X_LBoard: Float[np.ndarray, "n 4 4"], points_Board: Float[np.ndarray, "m 3"], X_RL: Float[np.ndarray, "4 4"]
+    X_LBoard: Float[np.ndarray, "n 4 4"],
+    points_Board: Float[np.ndarray, "m 3"],
+    X_RL: Float[np.ndarray, "4 4"],
 ) -> Figure:
-    """Where the board was, before both cameras [Zhang, Fig. 4]; the left camera's frame, depth to the right."""
+    """Where the board was, before both cameras [Zhang, Fig. 4]; the left camera's frame, depth
+    to the right.
+    """
     with _dressed():
         figure = Figure(figsize=(theme.WIDTH_IN, 5.6), layout="constrained")
         axis: Any = figure.add_subplot(projection="3d", computed_zorder=False)
         outline = _outline(points_Board)
         for X in X_LBoard:
-            axis.plot(*_depth_first(se3.transform(X, outline)).T, color=theme.MEASURED, linewidth=0.8)
+            axis.plot(
+                *_depth_first(se3.transform(X, outline)).T, color=theme.MEASURED, linewidth=0.8
+            )
         for X_LC, colour in ((np.eye(4), theme.ACCENT), (se3.inverse(X_RL), theme.TRUTH)):
             axis.plot(*_depth_first(se3.transform(X_LC, _frustum())).T, color=colour, linewidth=1.0)
-        axis.set(xlabel="z in L [m]", ylabel="x in L [m]", zlabel="y in L, upwards [m]", aspect="equal")
+        axis.set(
+            xlabel="z in L [m]", ylabel="x in L [m]", zlabel="y in L, upwards [m]", aspect="equal"
+        )
         axis.view_init(elev=22, azim=-115)
     return figure
 
 
 def rectified(before: tuple[Grey, Grey], after: tuple[Grey, Grey]) -> Figure:
-    """A pair as taken and as rectified, with lines that corresponding points share only after it [Zhang, Fig. 5]."""
+    """A pair as taken and as rectified, with lines that corresponding points share only after it
+    [Zhang, Fig. 5].
+    """
     figure, axes = theme.panels(2, 1, height_in=8.2)
     for (axis,), pair, name in zip(axes, (before, after), ("As taken", "Rectified"), strict=True):
         both = np.hstack(pair)
@@ -93,7 +110,9 @@ def hand_eye_frames(
     X_BC: Sequence[Float[np.ndarray, "4 4"]],
     points_Board: Float[np.ndarray, "m 3"],
 ) -> Figure:
-    """The base, the flange and its board at every pose, and the cameras where they were found [Zhang, Fig. 16]."""
+    """The base, the flange and its board at every pose, and the cameras where they were found
+    [Zhang, Fig. 16].
+    """
     with _dressed():
         figure = Figure(figsize=(theme.WIDTH_IN, 5.6), layout="constrained")
         axis: Any = figure.add_subplot(projection="3d", computed_zorder=False)
@@ -128,7 +147,9 @@ def _outline(points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "5 3"]:
 
 def _frustum() -> Float[np.ndarray, "8 3"]:
     """A camera's field of view in its own frame, drawn in one stroke [m]."""
-    a, b, c, d = FRUSTUM * np.array([(-0.9, -0.75, 1), (0.9, -0.75, 1), (0.9, 0.75, 1), (-0.9, 0.75, 1)])
+    a, b, c, d = FRUSTUM * np.array(
+        [(-0.9, -0.75, 1), (0.9, -0.75, 1), (0.9, 0.75, 1), (-0.9, 0.75, 1)]
+    )
     tip = np.zeros(3)
     return np.array([tip, a, b, tip, c, d, tip, a])
 
@@ -139,5 +160,9 @@ def _depth_first(points_L: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]
 
 
 def _draw_frame(axis: Any, X: Float[np.ndarray, "4 4"], length: float = AXIS_LENGTH) -> None:
-    for direction, colour in zip(X[:3, :3].T, (theme.TRUTH, theme.ACCENT, theme.MEASURED), strict=True):
-        axis.plot(*np.stack([X[:3, 3], X[:3, 3] + length * direction]).T, color=colour, linewidth=1.2)
+    for direction, colour in zip(
+        X[:3, :3].T, (theme.TRUTH, theme.ACCENT, theme.MEASURED), strict=True
+    ):
+        axis.plot(
+            *np.stack([X[:3, 3], X[:3, 3] + length * direction]).T, color=colour, linewidth=1.2
+        )

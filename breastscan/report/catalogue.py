@@ -1,4 +1,6 @@
-"""The catalogue of what a run measures: which group a metric belongs to, its plain name, its unit."""
+"""The catalogue of what a run measures: which group a metric belongs to, its plain name, its
+unit.
+"""
 
 import math
 from collections.abc import Iterator
@@ -35,7 +37,9 @@ class Row:
     unit: str
 
 
-def _group(group: str, *entries: tuple[str, str, str] | tuple[str, str, str, float]) -> tuple[Metric, ...]:
+def _group(
+    group: str, *entries: tuple[str, str, str] | tuple[str, str, str, float]
+) -> tuple[Metric, ...]:
     return tuple(
         Metric(key=key, group=group, label=label, unit=unit, scale=scale[0] if scale else 1.0)
         for key, label, unit, *scale in entries
@@ -90,9 +94,13 @@ CATALOGUE: tuple[Metric, ...] = (
 
 
 def rows(metrics: dict[str, Any]) -> list[Row]:
-    """What was measured, in the catalogue's order, then whatever else `metrics` holds. Absent stays absent."""
+    """What was measured, in the catalogue's order, then whatever else `metrics` holds. Absent
+    stays absent.
+    """
     known = {metric.key for metric in CATALOGUE}
-    others = (Metric(key=key, group=OTHER, label=key, unit="") for key in metrics if key not in known)
+    others = (
+        Metric(key=key, group=OTHER, label=key, unit="") for key in metrics if key not in known
+    )
     present = [metric for metric in CATALOGUE if metrics.get(metric.key) is not None]
     return [row for metric in (*present, *others) for row in _rows_of(metric, metrics[metric.key])]
 
@@ -114,7 +122,13 @@ def _rows_of(metric: Metric, value: Any) -> Iterator[Row]:
 
 
 def _row(metric: Metric, label: str, value: Any) -> Row:
-    return Row(key=metric.key, group=metric.group, label=label, value=_text(value, metric.scale), unit=metric.unit)
+    return Row(
+        key=metric.key,
+        group=metric.group,
+        label=label,
+        value=_text(value, metric.scale),
+        unit=metric.unit,
+    )
 
 
 def _text(value: Any, scale: float) -> str:

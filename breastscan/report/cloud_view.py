@@ -11,7 +11,8 @@ from breastscan.run.columns import MM_PER_M, Trajectory
 ELEMENT_ID = "cloud"
 """Where on the page the view is drawn."""
 OPTIONS = '{responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: ""}'
-"""Without the button that uploads a chart to plotly's server, which is there by default: a scan stays where it is."""
+"""Without the button that uploads a chart to plotly's server, which is there by default: a scan
+stays where it is."""
 NORMAL_LENGTH_MM = 12.0
 """How long a normal is drawn."""
 LOOP_SAMPLES = 600
@@ -30,7 +31,9 @@ def figure(
     normals_B: Float[np.ndarray, "k 3"],
     trajectory: Trajectory,
 ) -> go.Figure:
-    """Points coloured by height, the path points with their normals, and the executed loop, all in B [mm]."""
+    """Points coloured by height, the path points with their normals, and the executed loop, all
+    in B [mm].
+    """
     loop_B = trajectory.X_BP[trajectory.in_loop, :3, 3]
     loop_B = loop_B[:: max(1, len(loop_B) // LOOP_SAMPLES)]
     view = go.Figure(
@@ -41,7 +44,12 @@ def figure(
             _line(loop_B * MM_PER_M, "executed loop", LOOP_BLUE, width=6),
         ]
     )
-    axis = {"color": READABLE_ON_BOTH, "gridcolor": READABLE_ON_BOTH, "showbackground": False, "zeroline": False}
+    axis = {
+        "color": READABLE_ON_BOTH,
+        "gridcolor": READABLE_ON_BOTH,
+        "showbackground": False,
+        "zeroline": False,
+    }
     view.update_layout(
         template="none",
         scene={f"{name}axis": {**axis, "title": {"text": f"{name} in B [mm]"}} for name in "xyz"},
@@ -57,26 +65,37 @@ def figure(
 
 
 def script(view: go.Figure) -> str:
-    """The scripts that draw `view` into `ELEMENT_ID`: plotly.js itself, so that the page needs no network."""
+    """The scripts that draw `view` into `ELEMENT_ID`: plotly.js itself, so that the page needs
+    no network.
+    """
     content = str(view.to_json()).replace("<", "\\u003c")
-    call = f'const view = {content}; Plotly.newPlot("{ELEMENT_ID}", view.data, view.layout, {OPTIONS});'
+    call = (
+        f'const view = {content}; Plotly.newPlot("{ELEMENT_ID}", view.data, view.layout, '
+        f"{OPTIONS});"
+    )
     return f"<script>{get_plotlyjs()}</script>\n<script>{call}</script>"
 
 
 def _points(cloud_B: Float[np.ndarray, "n 3"]) -> go.Scatter3d:
     x, y, z = (cloud_B * MM_PER_M).astype(np.float32).T
     marker = {"size": 2.2, "color": z, "colorscale": SKIN, "opacity": 0.9}
-    return go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name="reconstructed skin", hoverinfo="skip")
+    return go.Scatter3d(
+        x=x, y=y, z=z, mode="markers", marker=marker, name="reconstructed skin", hoverinfo="skip"
+    )
 
 
 def _markers(path_B: Float[np.ndarray, "k 3"]) -> go.Scatter3d:
     x, y, z = (path_B * MM_PER_M).T
     numbers = [str(number) for number in range(1, len(path_B) + 1)]
     marker = {"size": 5, "color": theme.ACCENT}
-    return go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, name="path points", text=numbers)
+    return go.Scatter3d(
+        x=x, y=y, z=z, mode="markers", marker=marker, name="path points", text=numbers
+    )
 
 
-def _segments(path_B: Float[np.ndarray, "k 3"], normals_B: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "m 3"]:
+def _segments(
+    path_B: Float[np.ndarray, "k 3"], normals_B: Float[np.ndarray, "k 3"]
+) -> Float[np.ndarray, "m 3"]:
     """One short line for each normal [mm], with a NaN between any two so that they stay apart."""
     start = path_B * MM_PER_M
     gap = np.full_like(start, np.nan)
@@ -85,4 +104,6 @@ def _segments(path_B: Float[np.ndarray, "k 3"], normals_B: Float[np.ndarray, "k 
 
 def _line(points_mm: Float[np.ndarray, "m 3"], name: str, colour: str, width: int) -> go.Scatter3d:
     x, y, z = points_mm.astype(np.float32).T
-    return go.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": colour, "width": width}, name=name)
+    return go.Scatter3d(
+        x=x, y=y, z=z, mode="lines", line={"color": colour, "width": width}, name=name
+    )

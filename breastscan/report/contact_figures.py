@@ -9,13 +9,15 @@ from breastscan.report import theme
 from breastscan.run.columns import MM_PER_M, Trajectory
 
 STRETCHES = 700
-"""Stretches of time over each of which the measured force is drawn as one range: about two pixels of the page."""
+"""Stretches of time over each of which the measured force is drawn as one range: about two pixels
+of the page."""
 SETTLING_TIME = 1.0
 """Time after the start of the loop from which the force counts [s]."""
 
 
 def contact_force(trajectory: Trajectory, set_point: float | None) -> Figure:
-    """Force along the probe axis, measured and, where known, true: the whole scan, then the settled loop enlarged.
+    """Force along the probe axis, measured and, where known, true: the whole scan, then the settled
+    loop enlarged.
 
     Args:
         trajectory: The log.
@@ -58,17 +60,28 @@ def indentation(trajectory: Trajectory) -> Figure | None:
 def envelope(
     t: Float[np.ndarray, "n"], values: Float[np.ndarray, "n"]
 ) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
-    """Start, least and greatest value of each of at most `STRETCHES` stretches, so that no peak is lost."""
+    """Start, least and greatest value of each of at most `STRETCHES` stretches, so that no peak
+    is lost.
+    """
     length = -(-len(t) // STRETCHES)
     starts = np.arange(0, len(t), length)
     return t[starts], np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
 
 
-def _draw_force(axis: Axes, trajectory: Trajectory, shown: Bool[np.ndarray, "n"], set_point: float | None) -> None:
+def _draw_force(
+    axis: Axes, trajectory: Trajectory, shown: Bool[np.ndarray, "n"], set_point: float | None
+) -> None:
     time, lowest, highest = envelope(trajectory.elapsed[shown], trajectory.pressing_force[shown])
-    axis.fill_between(time, lowest, highest, color=theme.MEASURED, alpha=0.45, linewidth=0.6, label="measured")
+    axis.fill_between(
+        time, lowest, highest, color=theme.MEASURED, alpha=0.45, linewidth=0.6, label="measured"
+    )
     if trajectory.true_force is not None:
-        axis.plot(trajectory.elapsed[shown], trajectory.true_force[shown], **theme.TRUTH_LINE, label="true")
+        axis.plot(
+            trajectory.elapsed[shown],
+            trajectory.true_force[shown],
+            **theme.TRUTH_LINE,
+            label="true",
+        )
     if set_point is not None and trajectory.has_loop:
         held = trajectory.elapsed[trajectory.in_loop & shown][[0, -1]]
         axis.plot(held, np.full(2, set_point), **theme.PLANNED_LINE, label="set-point")

@@ -1,4 +1,6 @@
-"""Two scans of one plan side by side: what the second did otherwise, at equal path length over the loop."""
+"""Two scans of one plan side by side: what the second did otherwise, at equal path length over
+the loop.
+"""
 
 from dataclasses import dataclass
 
@@ -13,7 +15,8 @@ STEP = 0.25e-3
 LEAST_OVERLAP = 5e-3
 """Path length that two loops must have in common to be compared [m]."""
 FARTHEST = 0.03
-"""Planned tips further apart than this at equal path length belong to scans of different places [m]."""
+"""Planned tips further apart than this at equal path length belong to scans of different places
+[m]."""
 AXES = ("x", "y", "z")
 
 
@@ -42,11 +45,15 @@ class Difference:
     @property
     def plan_mm(self) -> Float[np.ndarray, "n"]:
         """Distance of the planned tips [mm]: 0 where both runs had one plan."""
-        return MM_PER_M * np.linalg.norm(self.second.X_BP_plan[:, :3, 3] - self.first.X_BP_plan[:, :3, 3], axis=1)
+        return MM_PER_M * np.linalg.norm(
+            self.second.X_BP_plan[:, :3, 3] - self.first.X_BP_plan[:, :3, 3], axis=1
+        )
 
     @property
     def normal_mm(self) -> Float[np.ndarray, "n"]:
-        """The part of `tip_mm` along the first run's planned outward normal [mm]: positive is less deep."""
+        """The part of `tip_mm` along the first run's planned outward normal [mm]: positive is
+        less deep.
+        """
         return -np.sum(self.tip_mm * self.first.X_BP_plan[:, :3, 2], axis=1)
 
     @property
@@ -58,7 +65,9 @@ class Difference:
     @property
     def turn_deg(self) -> Float[np.ndarray, "n"]:
         """Angle between the two probes' orientations [deg]."""
-        apart = np.linalg.norm(self.second.X_BP[:, :3, :3] - self.first.X_BP[:, :3, :3], axis=(1, 2))
+        apart = np.linalg.norm(
+            self.second.X_BP[:, :3, :3] - self.first.X_BP[:, :3, :3], axis=(1, 2)
+        )
         return np.rad2deg(2 * np.arcsin(np.minimum(apart / np.sqrt(8), 1.0)))
 
     @property
@@ -82,7 +91,11 @@ class Difference:
         """Every difference by its name, the unit at its end."""
         named = {f"joint_{joint}_deg": self.q_deg[:, joint] for joint in range(6)}
         named |= {f"tip_{axis}_mm": self.tip_mm[:, index] for index, axis in enumerate(AXES)}
-        named |= {"tip_normal_mm": self.normal_mm, "tip_across_mm": self.across_mm, "probe_turn_deg": self.turn_deg}
+        named |= {
+            "tip_normal_mm": self.normal_mm,
+            "tip_across_mm": self.across_mm,
+            "probe_turn_deg": self.turn_deg,
+        }
         named |= {"plan_mm": self.plan_mm, "force_n": self.force}
         if self.true_force is not None:
             named["true_force_n"] = self.true_force
@@ -93,12 +106,17 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
     """Compare two scans over the path length that their loops share; `names` are told in errors.
 
     Raises:
-        ConfigError: One has no loop, or they do not overlap: in path length, or in the place that they scan.
+        ConfigError: One has no loop, or they do not overlap: in path length, or in the place that
+            they scan.
     """
-    loops = [_loop(trajectory, name) for trajectory, name in zip((first, second), names, strict=True)]
+    loops = [
+        _loop(trajectory, name) for trajectory, name in zip((first, second), names, strict=True)
+    ]
     start, end = max(loop.s[0] for loop in loops), min(loop.s[-1] for loop in loops)
     if end - start < LEAST_OVERLAP:
-        ranges = " and ".join(f"{loop.s[0] * MM_PER_M:.0f} .. {loop.s[-1] * MM_PER_M:.0f} mm" for loop in loops)
+        ranges = " and ".join(
+            f"{loop.s[0] * MM_PER_M:.0f} .. {loop.s[-1] * MM_PER_M:.0f} mm" for loop in loops
+        )
         raise ConfigError(
             f"the two runs do not overlap: their loops cover {ranges} of the path, expected "
             f"{LEAST_OVERLAP * MM_PER_M:g} mm or more in common",
@@ -109,25 +127,32 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
     nearest = float(found.plan_mm.min()) / MM_PER_M
     if nearest > FARTHEST:
         raise ConfigError(
-            f"the two runs do not overlap: at equal path length their planned tips are {nearest * MM_PER_M:.0f} mm "
-            f"apart or more, expected {FARTHEST * MM_PER_M:g} mm at most: compare scans of one place, in one frame",
+            "the two runs do not overlap: at equal path length their planned tips are "
+            f"{nearest * MM_PER_M:.0f} mm apart or more, expected {FARTHEST * MM_PER_M:g} mm at "
+            "most: compare scans of one place, in one frame",
             nearest,
         )
     return found
 
 
 def _loop(trajectory: Trajectory, name: str) -> Trajectory:
-    """The loop of a log, each path length as it is reached for the first time; `name` names it in errors."""
+    """The loop of a log, each path length as it is reached for the first time; `name` names it
+    in errors.
+    """
     rows = np.flatnonzero(trajectory.in_loop & np.isfinite(trajectory.s))
     s = trajectory.s[rows]
     rows = rows[s > np.maximum.accumulate(np.r_[-np.inf, s[:-1]])]
     if len(rows) < 2:
-        raise ConfigError(f"{name} holds no loop to compare: expected a scan that was on its path", name)
+        raise ConfigError(
+            f"{name} holds no loop to compare: expected a scan that was on its path", name
+        )
     return trajectory.take(rows)
 
 
 def statistics(found: Difference) -> dict[str, dict[str, float]]:
-    """Mean, RMS, the largest value by its size, and where on the path that is [mm], of every quantity."""
+    """Mean, RMS, the largest value by its size, and where on the path that is [mm], of every
+    quantity.
+    """
     table = {}
     for name, values in found.quantities().items():
         worst = int(np.abs(values).argmax())

@@ -20,7 +20,11 @@ SMALLEST_RANGE = 1e-6
 
 def write(folder: Path, found: Difference, names: tuple[str, str]) -> None:
     """Draw joints.png, tip.png and force.png."""
-    for name, figure in (("joints", joints(found)), ("tip", tip(found)), ("force", force(found, names))):
+    for name, figure in (
+        ("joints", joints(found)),
+        ("tip", tip(found)),
+        ("force", force(found, names)),
+    ):
         figure.savefig(folder / f"{name}.png", dpi=DOTS_PER_INCH, facecolor="white")
 
 
@@ -35,7 +39,9 @@ def joints(found: Difference) -> Figure:
 
 
 def tip(found: Difference) -> Figure:
-    """The difference of the tip in B, along and across the normal [mm], and of the probe's orientation [deg]."""
+    """The difference of the tip in B, along and across the normal [mm], and of the probe's
+    orientation [deg].
+    """
     figure, axes = theme.panels(3, 2, height_in=6.0, sharex=True)
     for axis, index, name in zip(axes[:, 0], range(3), "xyz", strict=True):
         _draw(axis, found, found.tip_mm[:, index], f"{name} in B [mm]")
@@ -50,7 +56,9 @@ def tip(found: Difference) -> Figure:
 
 
 def force(found: Difference, names: tuple[str, str]) -> Figure:
-    """Pressing force of both runs and its difference [N], and how much later the second run comes to a place [s]."""
+    """Pressing force of both runs and its difference [N], and how much later the second run
+    comes to a place [s].
+    """
     figure, axes = theme.panels(3, 1, height_in=6.6, sharex=True)
     both, apart, later = axes[:, 0]
     both.plot(found.s_mm, found.first.pressing_force, **FIRST_LINE, label=names[0])

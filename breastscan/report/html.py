@@ -1,4 +1,6 @@
-"""Small pieces of HTML. Every text that comes in is escaped; only what these functions return counts as markup."""
+"""Small pieces of HTML. Every text that comes in is escaped; only what these functions return
+counts as markup.
+"""
 
 import base64
 from collections.abc import Sequence
@@ -17,7 +19,11 @@ JPEG_QUALITY = 82
 
 def section(title: str, *blocks: str) -> str:
     """A part of the page under a heading; `blocks` are markup."""
-    return f"<section>\n<h2>{escape(title)}</h2>\n" + "\n".join(block for block in blocks if block) + "\n</section>"
+    return (
+        f"<section>\n<h2>{escape(title)}</h2>\n"
+        + "\n".join(block for block in blocks if block)
+        + "\n</section>"
+    )
 
 
 def paragraph(text: str) -> str:
@@ -33,8 +39,8 @@ def captioned(content: str, caption: str) -> str:
 def card(value: str, unit: str, label: str) -> str:
     """One number set large, with what it is underneath."""
     return (
-        f'<div class="card"><span class="value">{escape(value)}</span> <span class="unit">{escape(unit)}</span>'
-        f'<span class="label">{escape(label)}</span></div>'
+        f'<div class="card"><span class="value">{escape(value)}</span> <span '
+        f'class="unit">{escape(unit)}</span><span class="label">{escape(label)}</span></div>'
     )
 
 
@@ -50,7 +56,10 @@ def picture(image: UInt8[np.ndarray, "h w 3"], description: str) -> str:
     _, jpeg = cv2.imencode(".jpg", reduced, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     data = base64.b64encode(jpeg.tobytes()).decode("ascii")
     source = f"data:image/jpeg;base64,{data}"
-    return f'<img src="{source}" width="{PICTURE_WIDTH_PX}" height="{height}" alt="{escape(description)}">'
+    return (
+        f'<img src="{source}" width="{PICTURE_WIDTH_PX}" height="{height}" '
+        f'alt="{escape(description)}">'
+    )
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[int] = ()) -> str:
@@ -58,10 +67,15 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequenc
 
     def line(tag: str, cells: Sequence[str]) -> str:
         kinds = [' class="number"' if column in numeric else "" for column in range(len(cells))]
-        return "<tr>" + "".join(f"<{tag}{k}>{escape(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True)) + "</tr>"
+        return (
+            "<tr>"
+            + "".join(f"<{tag}{k}>{escape(c)}</{tag}>" for k, c in zip(kinds, cells, strict=True))
+            + "</tr>"
+        )
 
     body = "\n".join(line("td", row) for row in rows)
-    return f'<div class="table"><table>\n<thead>{line("th", header)}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
+    head = f"<thead>{line('th', header)}</thead>"
+    return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
 def group_table(title: str, rows: Sequence[Sequence[str]]) -> str:

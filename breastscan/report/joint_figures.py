@@ -9,7 +9,8 @@ from breastscan.run.columns import Trajectory
 
 JOINTS = ("1 base", "2 shoulder", "3 elbow", "4 wrist 1", "5 wrist 2", "6 wrist 3")
 ANGLE_LIMITS_DEG = (360.0, 360.0, 180.0, 360.0, 360.0, 360.0)
-"""Largest joint angles either way, from Universal_Robots_ROS2_Description, config/ur5e/joint_limits.yaml."""
+"""Largest joint angles either way, from Universal_Robots_ROS2_Description,
+config/ur5e/joint_limits.yaml."""
 SPEED_LIMIT_DEG_S = 180.0
 """Largest joint speed, same source."""
 SAMPLES_SHOWN = 1000
@@ -32,7 +33,13 @@ def joint_limits(trajectory: Trajectory) -> Figure:
     limit = np.array(ANGLE_LIMITS_DEG)
     speed = np.abs(np.rad2deg(trajectory.qd)).max(axis=0)
     figure, ((angles, speeds),) = theme.panels(1, 2, height_in=2.5, sharey=True)
-    angles.barh(JOINTS, 100 * (highest - lowest) / limit, left=100 * lowest / limit, color=theme.MEASURED, height=0.55)
+    angles.barh(
+        JOINTS,
+        100 * (highest - lowest) / limit,
+        left=100 * lowest / limit,
+        color=theme.MEASURED,
+        height=0.55,
+    )
     theme.title(angles, "Angles used")
     angles.set(xlabel="share of the angle limit [%]", xlim=(-100, 100))
     speeds.barh(JOINTS, 100 * speed / SPEED_LIMIT_DEG_S, color=theme.MEASURED, height=0.55)
@@ -43,7 +50,10 @@ def joint_limits(trajectory: Trajectory) -> Figure:
 
 
 def _six_joints(
-    trajectory: Trajectory, measured: Float[np.ndarray, "n 6"], planned: Float[np.ndarray, "n 6"], ylabel: str
+    trajectory: Trajectory,
+    measured: Float[np.ndarray, "n 6"],
+    planned: Float[np.ndarray, "n 6"],
+    ylabel: str,
 ) -> Figure:
     figure, axes = theme.panels(3, 2, height_in=6.0, sharex=True)
     shown = slice(None, None, max(1, len(trajectory.elapsed) // SAMPLES_SHOWN))

@@ -27,14 +27,17 @@ def write(folder: Path) -> Path:
 
 
 def page(run: Run) -> str:
-    """The whole page as one text; the 3D view's scripts come last, so that everything else is shown at once."""
+    """The whole page as one text; the 3D view's scripts come last, so that everything else is
+    shown at once.
+    """
     style = files("breastscan.report").joinpath("page.css").read_text(encoding="utf-8")
     view = cloud_view.figure(run.cloud_B, run.path_B, run.normals_B, run.trajectory)
     return "\n".join(
         [
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>Breast scan: report</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>",
+            "<title>Breast scan: "
+            f"report</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>",
             sections.headline(run),
             sections.summary(run),
             sections.perception(run),

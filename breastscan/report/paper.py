@@ -1,7 +1,8 @@
 """Table 4 of the paper, and how a run's path errors compare with it.
 
-Source: X. Zhang et al., scanning path planning for breast ultrasound with NURBS and binocular vision, Table 4 and
-Section V-B.2. The table prints its differences with mixed signs; here an error is always actual minus theoretical.
+Source: X. Zhang et al., scanning path planning for breast ultrasound with NURBS and binocular
+vision, Table 4 and Section V-B.2. The table prints its differences with mixed signs; here an error
+is always actual minus theoretical.
 """
 
 from dataclasses import dataclass
@@ -11,21 +12,46 @@ from jaxtyping import Float
 
 TABLE4_THEORETICAL_MM: Float[np.ndarray, "15 3"] = np.array(
     [
-        [-154.5, 352.3, 4.1], [-137.8, 384.1, 1.3], [-99.2, 406.6, 0.5], [-71.2, 393.3, 1.1], [-54.0, 371.7, 1.0],
-        [-43.2, 342.2, 0.9], [-47.9, 310.4, 1.8], [-60.2, 283.5, 5.4], [-76.2, 266.4, 6.6], [-96.7, 260.2, 6.3],
-        [-113.8, 260.1, 6.4], [-133.6, 267.7, 7.1], [-146.3, 280.9, 7.8], [-158.4, 297.4, 7.2], [-161.7, 327.4, 6.3],
+        [-154.5, 352.3, 4.1],
+        [-137.8, 384.1, 1.3],
+        [-99.2, 406.6, 0.5],
+        [-71.2, 393.3, 1.1],
+        [-54.0, 371.7, 1.0],
+        [-43.2, 342.2, 0.9],
+        [-47.9, 310.4, 1.8],
+        [-60.2, 283.5, 5.4],
+        [-76.2, 266.4, 6.6],
+        [-96.7, 260.2, 6.3],
+        [-113.8, 260.1, 6.4],
+        [-133.6, 267.7, 7.1],
+        [-146.3, 280.9, 7.8],
+        [-158.4, 297.4, 7.2],
+        [-161.7, 327.4, 6.3],
     ]
-)  # fmt: skip
+)
 """The fifteen planned path points (x, y, z) in B [mm] [Zhang, Table 4]."""
 
 TABLE4_ACTUAL_MM: Float[np.ndarray, "15 3"] = np.array(
     [
-        [-156.0, 352.0, 4.4], [-138.1, 384.3, 0.9], [-99.5, 407.0, 0.2], [-71.8, 393.8, 1.8], [-53.3, 371.5, 0.4],
-        [-44.3, 342.1, 0.1], [-47.0, 310.7, 3.1], [-59.6, 284.4, 7.2], [-77.0, 267.1, 8.2], [-95.8, 259.4, 6.5],
-        [-114.2, 259.6, 6.7], [-132.3, 267.1, 8.8], [-147.9, 281.3, 8.6], [-158.2, 298.7, 6.0], [-162.4, 327.2, 5.0],
+        [-156.0, 352.0, 4.4],
+        [-138.1, 384.3, 0.9],
+        [-99.5, 407.0, 0.2],
+        [-71.8, 393.8, 1.8],
+        [-53.3, 371.5, 0.4],
+        [-44.3, 342.1, 0.1],
+        [-47.0, 310.7, 3.1],
+        [-59.6, 284.4, 7.2],
+        [-77.0, 267.1, 8.2],
+        [-95.8, 259.4, 6.5],
+        [-114.2, 259.6, 6.7],
+        [-132.3, 267.1, 8.8],
+        [-147.9, 281.3, 8.6],
+        [-158.2, 298.7, 6.0],
+        [-162.4, 327.2, 5.0],
     ]
-)  # fmt: skip
-"""The points that the paper's robot reached, in the same order (x, y, z) in B [mm] [Zhang, Table 4]."""
+)
+"""The points that the paper's robot reached, in the same order (x, y, z) in B [mm] [Zhang, Table
+4]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +61,8 @@ class ErrorStatistics:
     mean_abs_mm: Float[np.ndarray, "3"]
     """Mean of the absolute errors (x, y, z) [mm]; the paper's "average error"."""
     rms_mm: Float[np.ndarray, "3"]
-    """Root mean square about zero (x, y, z) [mm]; what the paper prints as its "standard deviation"."""
+    """Root mean square about zero (x, y, z) [mm]; what the paper prints as its "standard
+    deviation"."""
     deviation_mm: Float[np.ndarray, "3"]
     """Sample standard deviation about the mean (x, y, z) [mm]."""
 
@@ -58,7 +85,9 @@ def statistics(errors_mm: Float[np.ndarray, "n 3"]) -> ErrorStatistics:
         ValueError: There are fewer than two errors, so that no deviation exists.
     """
     if len(errors_mm) < 2:
-        raise ValueError(f"expected at least two path errors, got {len(errors_mm)}: log a longer loop")
+        raise ValueError(
+            f"expected at least two path errors, got {len(errors_mm)}: log a longer loop"
+        )
     return ErrorStatistics(
         mean_abs_mm=np.abs(errors_mm).mean(axis=0),
         rms_mm=np.sqrt(np.mean(errors_mm**2, axis=0)),
@@ -74,11 +103,18 @@ def table4_statistics() -> ErrorStatistics:
 def compare_table4(errors_mm: Float[np.ndarray, "n 3"]) -> tuple[Comparison, ...]:
     """A run's path errors, executed minus planned in B [mm], beside the paper's.
 
-    The paper scanned a rigid print. On soft tissue the error along the normal contains the indentation.
+    The paper scanned a rigid print. On soft tissue the error along the normal contains the
+    indentation.
     """
     ours, paper = statistics(errors_mm), table4_statistics()
     return (
-        Comparison(statistic="mean absolute error", ours_mm=ours.mean_abs_mm, paper_mm=paper.mean_abs_mm),
+        Comparison(
+            statistic="mean absolute error", ours_mm=ours.mean_abs_mm, paper_mm=paper.mean_abs_mm
+        ),
         Comparison(statistic="RMS about zero", ours_mm=ours.rms_mm, paper_mm=paper.rms_mm),
-        Comparison(statistic="sample standard deviation", ours_mm=ours.deviation_mm, paper_mm=paper.deviation_mm),
+        Comparison(
+            statistic="sample standard deviation",
+            ours_mm=ours.deviation_mm,
+            paper_mm=paper.deviation_mm,
+        ),
     )

@@ -40,7 +40,8 @@ def planned_and_executed(path_B: Float[np.ndarray, "k 3"], trajectory: Trajector
 
 
 def axis_errors(trajectory: Trajectory) -> Figure:
-    """Error along the path in x, y and z, across and along the normal, each with its histogram [Zhang, Fig. 21].
+    """Error along the path in x, y and z, across and along the normal, each with its histogram
+    [Zhang, Fig. 21].
 
     Args:
         trajectory: A log that holds a loop.
@@ -48,11 +49,15 @@ def axis_errors(trajectory: Trajectory) -> Figure:
     s_mm = trajectory.s[trajectory.in_loop] * MM_PER_M
     errors_mm = trajectory.path_errors_mm()
     paper_mm = table4_statistics().mean_abs_mm
-    figure, axes = theme.panels(5, 2, height_in=7.6, width_ratios=(4, 1), sharex="col", sharey="row")
+    figure, axes = theme.panels(
+        5, 2, height_in=7.6, width_ratios=(4, 1), sharex="col", sharey="row"
+    )
     for index, name in enumerate(AXES):
         _draw_error(axes[index], s_mm, errors_mm[:, index], f"{name} [mm]")
         for line in axes[index]:
-            line.axhspan(-paper_mm[index], paper_mm[index], color=theme.SHADE, linewidth=0, zorder=0)
+            line.axhspan(
+                -paper_mm[index], paper_mm[index], color=theme.SHADE, linewidth=0, zorder=0
+            )
     _draw_error(axes[3], s_mm, trajectory.normal_errors_mm(), "normal [mm]")
     _draw_error(axes[4], s_mm, trajectory.tangential_errors_mm(), "tangential [mm]")
     theme.title(axes[0, 0], "Executed minus planned")
@@ -64,9 +69,18 @@ def axis_errors(trajectory: Trajectory) -> Figure:
 
 
 def magnification(deviations: Float[np.ndarray, "n 3"], extent: float) -> float:
-    """The largest round factor at which deviations stay small beside the loop's extent (same unit); 1 if none does."""
+    """The largest round factor at which deviations stay small beside the loop's extent (same
+    unit); 1 if none does.
+    """
     largest = float(np.linalg.norm(deviations, axis=1).max())
-    return next((factor for factor in MAGNIFICATIONS if factor * largest <= LARGEST_SHOWN_DEVIATION * extent), 1.0)
+    return next(
+        (
+            factor
+            for factor in MAGNIFICATIONS
+            if factor * largest <= LARGEST_SHOWN_DEVIATION * extent
+        ),
+        1.0,
+    )
 
 
 def _draw_top_view(
@@ -81,13 +95,21 @@ def _draw_top_view(
     label = "executed" if factor == 1.0 else f"executed, deviation × {factor:g}"
     axis.plot(planned_mm[:, 0], planned_mm[:, 1], **theme.PLANNED_LINE, label="planned")
     axis.plot(shown_mm[:, 0], shown_mm[:, 1], **theme.MEASURED_LINE, label=label)
-    axis.plot(points_mm[:, 0], points_mm[:, 1], "o", color=theme.ACCENT, markersize=4, label="path points")
+    axis.plot(
+        points_mm[:, 0], points_mm[:, 1], "o", color=theme.ACCENT, markersize=4, label="path points"
+    )
     for number, (x, y, _) in enumerate(points_mm, start=1):
         offset = _label_offset(points_mm, number - 1)
         axis.annotate(
-            str(number), (x, y), offset, textcoords="offset points", ha="center", va="center", color=theme.MUTED,
+            str(number),
+            (x, y),
+            offset,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color=theme.MUTED,
             fontsize=7.5,
-        )  # fmt: skip
+        )
     theme.title(axis, "From above")
     axis.set(xlabel="x in B [mm]", ylabel="y in B [mm]", aspect="equal")
     axis.margins(0.1)
@@ -101,7 +123,9 @@ def _label_offset(points_mm: Float[np.ndarray, "k 3"], index: int) -> tuple[floa
     return float(dx), float(dy)
 
 
-def _draw_error(row: np.ndarray, s_mm: Float[np.ndarray, "n"], error_mm: Float[np.ndarray, "n"], label: str) -> None:
+def _draw_error(
+    row: np.ndarray, s_mm: Float[np.ndarray, "n"], error_mm: Float[np.ndarray, "n"], label: str
+) -> None:
     along, histogram = row
     along.axhline(0.0, color=theme.MUTED, linewidth=0.8)
     along.plot(s_mm, error_mm, **theme.MEASURED_LINE)

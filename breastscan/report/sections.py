@@ -1,4 +1,6 @@
-"""The sections of the page, each from a whole run to markup. What a run does not hold is left out."""
+"""The sections of the page, each from a whole run to markup. What a run does not hold is left
+out.
+"""
 
 from collections.abc import Iterator
 from itertools import groupby
@@ -7,7 +9,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.report import catalogue, cloud_view, contact_figures, html, joint_figures, path_figures, time_figures
+from breastscan.report import (
+    catalogue,
+    cloud_view,
+    contact_figures,
+    html,
+    joint_figures,
+    path_figures,
+    time_figures,
+)
 from breastscan.report.paper import compare_table4
 from breastscan.run.reading import VIDEO_FILE, Run
 
@@ -29,8 +39,8 @@ def headline(run: Run) -> str:
     return (
         "<header>\n<h1>Breast scan</h1>\n"
         + html.paragraph(
-            "A stereo pair became a point cloud, a path on the skin, a motion of the arm and a force-controlled touch. "
-            "Positions are in the robot's base frame B."
+            "A stereo pair became a point cloud, a path on the skin, a motion of the arm and a "
+            "force-controlled touch. Positions are in the robot's base frame B."
         )
         + f'\n<div class="cards">\n{cards}\n</div>\n</header>'
     )
@@ -40,39 +50,51 @@ def summary(run: Run) -> str:
     """Every metric but the stages' times, which have a figure, group by group; and the video."""
     shown = (row for row in catalogue.rows(run.metrics) if row.key != "wall_s")
     groups = groupby(shown, key=lambda row: row.group)
-    tables = [html.group_table(name, [(row.label, row.value, row.unit) for row in rows]) for name, rows in groups]
+    tables = [
+        html.group_table(name, [(row.label, row.value, row.unit) for row in rows])
+        for name, rows in groups
+    ]
     video = html.captioned(
         f'<video src="{VIDEO_FILE}" controls muted loop preload="metadata"></video>',
         "The scan as the scene's own camera saw it; the film lies beside this page.",
     )
-    return html.section("Summary", video if run.has_video else "", f'<div class="groups">{"".join(tables)}</div>')
+    return html.section(
+        "Summary", video if run.has_video else "", f'<div class="groups">{"".join(tables)}</div>'
+    )
 
 
 def perception(run: Run) -> str:
     """Camera pictures, disparity and the point cloud."""
     left = html.captioned(html.picture(run.left, "The left camera's picture"), "Left camera, raw.")
-    right = html.captioned(html.picture(run.right, "The right camera's picture"), "Right camera, raw.")
+    right = html.captioned(
+        html.picture(run.right, "The right camera's picture"), "Right camera, raw."
+    )
     disparity = html.captioned(
         html.picture(run.disparity, "Disparity in false colours"),
-        "Disparity of the rectified pair: bright is near, black is unknown. Compare with Fig. 6 of the paper.",
+        "Disparity of the rectified pair: bright is near, black is unknown. Compare with Fig. 6 of "
+        "the paper.",
     )
     cloud = (
-        f'<div id="{cloud_view.ELEMENT_ID}" role="img" aria-label="Reconstructed points with the path and the '
-        'executed loop, as a view in three dimensions"><noscript>The 3D view needs JavaScript.</noscript></div>'
+        f'<div id="{cloud_view.ELEMENT_ID}" role="img" aria-label="Reconstructed points with the '
+        'path and the executed loop, as a view in three dimensions"><noscript>The 3D view needs '
+        "JavaScript.</noscript></div>"
     )
     return html.section(
         "Perception",
         f'<div class="pictures">{left}{right}{disparity}</div>',
         html.captioned(
             cloud,
-            "Reconstructed skin, coloured by height, with the path points, their normals and the executed loop. "
-            "Drag to turn, scroll to zoom. Compare with Figs. 7, 12 and 14 of the paper.",
+            "Reconstructed skin, coloured by height, with the path points, their normals and the "
+            "executed loop. Drag to turn, scroll to zoom. Compare with Figs. 7, 12 and 14 of the "
+            "paper.",
         ),
     )
 
 
 def path(run: Run) -> str:
-    """Planned against executed path, and Table 4 of the paper; nothing where the loop was never reached."""
+    """Planned against executed path, and Table 4 of the paper; nothing where the loop was never
+    reached.
+    """
     if not run.trajectory.has_loop:
         return ""
     return html.section(
@@ -80,14 +102,17 @@ def path(run: Run) -> str:
         html.drawing(
             path_figures.planned_and_executed(run.path_B, run.trajectory),
             "The loop from above and its height over the path length, planned and executed",
-            "Planned loop through the numbered path points, and the executed one. From above, the deviation is "
-            "enlarged by the factor in the legend. Compare with Figs. 18 and 22 of the paper.",
+            "Planned loop through the numbered path points, and the executed one. From above, the "
+            "deviation is enlarged by the factor in the legend. Compare with Figs. 18 and 22 of "
+            "the paper.",
         ),
         html.drawing(
             path_figures.axis_errors(run.trajectory),
-            "Five curves of the error over the path length: x, y, z, normal and tangential, each with a histogram",
-            "Executed minus planned tip at equal path parameter. The shaded bands are the paper's mean absolute "
-            "errors; along the normal, negative is deeper than planned. Compare with Fig. 21 of the paper.",
+            "Five curves of the error over the path length: x, y, z, normal and tangential, each "
+            "with a histogram",
+            "Executed minus planned tip at equal path parameter. The shaded bands are the paper's "
+            "mean absolute errors; along the normal, negative is deeper than planned. Compare with "
+            "Fig. 21 of the paper.",
         ),
         _table4(run),
     )
@@ -100,12 +125,14 @@ def joints(run: Run) -> str:
         html.drawing(
             joint_figures.joint_angles(run.trajectory),
             "Six joint angles over time, measured and planned",
-            "Joint angles as measured, and as planned over the loop. Compare with Fig. 19b of the paper.",
+            "Joint angles as measured, and as planned over the loop. Compare with Fig. 19b of the "
+            "paper.",
         ),
         html.drawing(
             joint_figures.joint_speeds(run.trajectory),
             "Six joint speeds over time, measured and planned",
-            "Joint speeds as measured, and as planned over the loop. Compare with Fig. 19c of the paper.",
+            "Joint speeds as measured, and as planned over the loop. Compare with Fig. 19c of the "
+            "paper.",
         ),
         html.drawing(
             joint_figures.joint_limits(run.trajectory),
@@ -124,14 +151,15 @@ def contact(run: Run) -> str:
         html.drawing(
             contact_figures.contact_force(run.trajectory, set_point),
             "Contact force over time, with its set-point and the phases of the scan",
-            "Force along the probe axis, positive when pressing: the range that the wrist sensor measured and, in "
-            "simulation, the truth; below, the loop enlarged. The control is that of Fig. 23 of the paper.",
+            "Force along the probe axis, positive when pressing: the range that the wrist sensor "
+            "measured and, in simulation, the truth; below, the loop enlarged. The control is that "
+            "of Fig. 23 of the paper.",
         ),
         html.drawing(
             depth,
             "Indentation of the tissue and tilt of the probe over time",
-            "How far the tip has sunk into the tissue, and the angle between the probe axis and the true normal, "
-            "both from the simulation's truth.",
+            "How far the tip has sunk into the tissue, and the angle between the probe axis and "
+            "the true normal, both from the simulation's truth.",
         )
         if depth
         else "",
@@ -144,13 +172,19 @@ def time(run: Run) -> str:
     if not seconds:
         return ""
     bars = time_figures.wall_time(seconds)
-    return html.section("Time", html.drawing(bars, "Wall time of each stage", "Wall time of each stage of the scan."))
+    return html.section(
+        "Time",
+        html.drawing(bars, "Wall time of each stage", "Wall time of each stage of the scan."),
+    )
 
 
 def settings(run: Run) -> str:
     """Every setting and version, folded."""
     rows = [(name, str(value)) for name, value in _flattened(run.config)]
-    return html.section("Settings", html.details("Settings, versions and seed", html.table(("setting", "value"), rows)))
+    return html.section(
+        "Settings",
+        html.details("Settings, versions and seed", html.table(("setting", "value"), rows)),
+    )
 
 
 def _flattened(settings: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -167,19 +201,30 @@ def _table4(run: Run) -> str:
     trajectory = run.trajectory
     compared = compare_table4(trajectory.path_errors_mm())
     rows = [
-        (line.statistic, *(_mm(value) for pair in zip(line.ours_mm, line.paper_mm, strict=True) for value in pair))
+        (
+            line.statistic,
+            *(
+                _mm(value)
+                for pair in zip(line.ours_mm, line.paper_mm, strict=True)
+                for value in pair
+            ),
+        )
         for line in compared
     ]
     header = ("", *(f"{axis} {whose}" for axis in path_figures.AXES for whose in ("ours", "paper")))
-    normal, tangential = _rms(trajectory.normal_errors_mm()), _rms(trajectory.tangential_errors_mm())
+    normal, tangential = (
+        _rms(trajectory.normal_errors_mm()),
+        _rms(trajectory.tangential_errors_mm()),
+    )
     return (
         "<h3>Against Table 4 of the paper</h3>\n"
         + html.table(header, rows, numeric=range(1, 7))
         + html.paragraph(
-            f"Executed minus planned tip in B [mm]. Split at the planned normal, our error is {_mm(normal)} mm along "
-            f"it and {_mm(tangential)} mm across it (RMS). The paper scanned a rigid print at fifteen points, and what "
-            "it calls its standard deviation is the RMS about zero. On soft tissue the normal part contains the "
-            "indentation, which is wanted: there, compare the tangential part."
+            "Executed minus planned tip in B [mm]. Split at the planned normal, our error is "
+            f"{_mm(normal)} mm along it and {_mm(tangential)} mm across it (RMS). The paper "
+            "scanned a rigid print at fifteen points, and what it calls its standard deviation is "
+            "the RMS about zero. On soft tissue the normal part contains the indentation, which is "
+            "wanted: there, compare the tangential part."
         )
     )
 

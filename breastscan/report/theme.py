@@ -1,7 +1,9 @@
-"""How figures look: one palette that follows the page's light or dark scheme, and SVG that carries real text.
+"""How figures look: one palette that follows the page's light or dark scheme, and SVG that carries
+real text.
 
-Figures are drawn in the colours of the light scheme. `to_svg` replaces each of them by the CSS variable of the same
-name, which `page.css` defines for both schemes. The series colours are Okabe and Ito's, safe for colour-blind readers.
+Figures are drawn in the colours of the light scheme. `to_svg` replaces each of them by the CSS
+variable of the same name, which `page.css` defines for both schemes. The series colours are Okabe
+and Ito's, safe for colour-blind readers.
 """
 
 import io
@@ -26,9 +28,15 @@ PLANNED = "#475061"
 ACCENT = "#009e73"
 
 CSS_VARIABLES = {
-    INK: "--ink", MUTED: "--muted", GRID: "--grid", SHADE: "--shade", MEASURED: "--measured", TRUTH: "--truth",
-    PLANNED: "--planned", ACCENT: "--accent",
-}  # fmt: skip
+    INK: "--ink",
+    MUTED: "--muted",
+    GRID: "--grid",
+    SHADE: "--shade",
+    MEASURED: "--measured",
+    TRUTH: "--truth",
+    PLANNED: "--planned",
+    ACCENT: "--accent",
+}
 """Where the page defines each colour, for its light and its dark scheme."""
 
 WIDTH_IN = 9.6
@@ -78,7 +86,14 @@ def title(axis: Axes, text: str) -> None:
 
 def legend_above(axis: Axes) -> None:
     """A legend in one line above the right end of the axes."""
-    axis.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=4, frameon=False, labelcolor=INK, fontsize=8.5)
+    axis.legend(
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=4,
+        frameon=False,
+        labelcolor=INK,
+        fontsize=8.5,
+    )
 
 
 def legend_within(axis: Axes) -> None:
@@ -97,19 +112,29 @@ def shade_phases(axis: Axes, spans: list[Span], named: bool = True) -> None:
         if named:
             narrow = span.end - span.start < NARROW_SPAN * (end - start)
             axis.text(
-                (span.start + span.end) / 2, 0.98, span.phase, transform=axis.get_xaxis_transform(), color=MUTED,
-                ha="center", va="top", rotation=90 if narrow else 0, fontsize=8,
-            )  # fmt: skip
+                (span.start + span.end) / 2,
+                0.98,
+                span.phase,
+                transform=axis.get_xaxis_transform(),
+                color=MUTED,
+                ha="center",
+                va="top",
+                rotation=90 if narrow else 0,
+                fontsize=8,
+            )
 
 
 def to_svg(figure: Figure, description: str) -> str:
-    """Inline SVG that takes its colours and font from the page, with `description` for who cannot see it."""
+    """Inline SVG that takes its colours and font from the page, with `description` for who
+    cannot see it.
+    """
     buffer = io.StringIO()
     with matplotlib.rc_context(_SVG_SETTINGS):
         figure.savefig(buffer, format="svg", transparent=True, metadata=_NO_METADATA)
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
-    svg = re.sub(r'<g id="\w+_\d+">', "<g>", svg)  # matplotlib's names of groups repeat from figure to figure
+    # matplotlib's names of groups repeat from figure to figure
+    svg = re.sub(r'<g id="\w+_\d+">', "<g>", svg)
     svg = re.sub(r' d="[^"]+"', _hundredths, svg)
     for colour, variable in CSS_VARIABLES.items():
         svg = svg.replace(colour, f"var({variable})")
@@ -117,5 +142,7 @@ def to_svg(figure: Figure, description: str) -> str:
 
 
 def _hundredths(path: re.Match[str]) -> str:
-    """A drawn path with its coordinates cut to a hundredth of a point: a third of the size, no visible difference."""
+    """A drawn path with its coordinates cut to a hundredth of a point: a third of the size, no
+    visible difference.
+    """
     return re.sub(r"(\.\d\d)\d+", r"\1", path.group())

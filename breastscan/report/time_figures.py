@@ -12,7 +12,9 @@ def wall_time(seconds: dict[str, float]) -> Figure:
     """One bar for each stage, in the order in which they ran [s]."""
     figure, ((axis,),) = theme.panels(1, 1, height_in=0.8 + BAR_HEIGHT_IN * len(seconds))
     bars = axis.barh(list(seconds), list(seconds.values()), color=theme.MEASURED, height=0.6)
-    labels = axis.bar_label(bars, [f"{number(value)} s" for value in seconds.values()], padding=4, color=theme.INK)
+    labels = axis.bar_label(
+        bars, [f"{number(value)} s" for value in seconds.values()], padding=4, color=theme.INK
+    )
     for label in labels:
         label.set_fontsize(8.5)
     axis.set_xlabel("wall time [s]")

@@ -1,6 +1,7 @@
 """What a robot must offer, be it simulated, recorded or real.
 
-The twin and the hardware implement this protocol; nothing in `breastscan` knows which of them it drives.
+The twin and the hardware implement this protocol; nothing in `breastscan` knows which of them it
+drives.
 """
 
 from dataclasses import dataclass
@@ -23,11 +24,12 @@ class RobotState:
     qd: Float[np.ndarray, "6"]
     """Joint speeds [rad/s]."""
     wrench_P: Float[np.ndarray, "6"]
-    """Wrench that the tissue exerts on the probe, force first, at the tip P in basis P [N, N m]: since the last
-    `tare`, with the tool's own weight taken out. A pressing probe reads a negative force along z."""
+    """Wrench that the tissue exerts on the probe, force first, at the tip P in basis P [N, N m]:
+    since the last `tare`, with the tool's own weight taken out. A pressing probe reads a negative
+    force along z."""
     sample: int
-    """Counts the wrist sensor's samples: a count that stands still while `time` passes is a frozen sensor, which a
-    repeated value alone would not show."""
+    """Counts the wrist sensor's samples: a count that stands still while `time` passes is a frozen
+    sensor, which a repeated value alone would not show."""
 
 
 @runtime_checkable
@@ -46,15 +48,16 @@ class Robot(Protocol):
 
     @property
     def calibration(self) -> KinematicCalibration:
-        """The arm's kinematics as read from its controller, which plan and control go by; the nominal ones where
-        nothing was read. The true ones are known to nobody.
+        """The arm's kinematics as read from its controller, which plan and control go by; the
+        nominal ones where nothing was read. The true ones are known to nobody.
         """
         ...
 
     @property
     def servo_lag(self) -> float:
-        """Time by which the arm trails steadily moving joint targets [s]: `state` after a `servo_joint` shows about the
-        target of so long ago. Nominal; whoever wants the arm on a planned motion leads its targets by it.
+        """Time by which the arm trails steadily moving joint targets [s]: `state` after a
+        `servo_joint` shows about the target of so long ago. Nominal; whoever wants the arm on a
+        planned motion leads its targets by it.
         """
         ...
 

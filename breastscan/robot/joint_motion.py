@@ -13,7 +13,9 @@ class Trapezoid:
     """A way from rest to rest, as fast as speed and acceleration allow."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
-        """Of a positive `length` [m or rad], at most `speed` and `acceleration` [the same per s and s^2]."""
+        """Of a positive `length` [m or rad], at most `speed` and `acceleration` [the same per s
+        and s^2].
+        """
         self._length, self._acceleration = length, acceleration
         self._ramp_time = min(speed / acceleration, np.sqrt(length / acceleration))
         self._top_speed = acceleration * self._ramp_time
@@ -30,7 +32,11 @@ class Trapezoid:
 
 
 def trapezoid(
-    start: Float[np.ndarray, "6"], end: Float[np.ndarray, "6"], speed: float, acceleration: float, period: float
+    start: Float[np.ndarray, "6"],
+    end: Float[np.ndarray, "6"],
+    speed: float,
+    acceleration: float,
+    period: float,
 ) -> Iterator[Float[np.ndarray, "6"]]:
     """Targets [rad] every `period` [s] from `start` to `end`, the last one exactly `end`.
 
@@ -54,7 +60,9 @@ def trapezoid(
 def braking(
     start: Float[np.ndarray, "6"], speed: Float[np.ndarray, "6"], deceleration: float, period: float
 ) -> Iterator[Float[np.ndarray, "6"]]:
-    """Targets [rad] every `period` [s] that bring joints at `start` moving at `speed` [rad/s] to rest together."""
+    """Targets [rad] every `period` [s] that bring joints at `start` moving at `speed` [rad/s] to
+    rest together.
+    """
     leading = float(np.abs(speed).max())
     count = int(np.ceil(leading / deceleration / period))
     for k in range(1, count + 1):

@@ -1,4 +1,6 @@
-"""What hangs on the wrist sensor: the wrench of its weight and inertia, and how poses tell its mass and centre."""
+"""What hangs on the wrist sensor: the wrench of its weight and inertia, and how poses tell its
+mass and centre.
+"""
 
 from dataclasses import dataclass
 
@@ -12,7 +14,8 @@ GRAVITY_B = np.array([0.0, 0.0, -9.80665])
 FEWEST_POSES = 4
 """Static poses with which mass, centre and the sensor's zero can be told apart."""
 LEAST_SPREAD = 0.1
-"""Least singular value, per pose, of the centred directions of gravity: about 20 degrees of tilt to every side [-]."""
+"""Least singular value, per pose, of the centred directions of gravity: about 20 degrees of tilt to
+every side [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +42,11 @@ class Identified:
 
 
 def load_map(payload: Payload, at_F: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6 3"]:
-    """The map from gravity less the centre's acceleration, in basis F [m/s^2], to the payload's wrench about `at_F`.
+    """The map from gravity less the centre's acceleration, in basis F [m/s^2], to the payload's
+    wrench about `at_F`.
 
-    The wrench is what the payload does to its sensor, force first [N, N m]. What its turning about its own centre takes
-    is left out: a probe's moment of inertia makes a milli-newton-metre of it.
+    The wrench is what the payload does to its sensor, force first [N, N m]. What its turning about
+    its own centre takes is left out: a probe's moment of inertia makes a milli-newton-metre of it.
     """
     return payload.mass * np.vstack([np.eye(3), cross_matrix(payload.centre_F - at_F)])
 
@@ -53,7 +57,8 @@ def identify(
     at_F: Float[np.ndarray, "3"],
     gravity_B: Float[np.ndarray, "3"] = GRAVITY_B,
 ) -> Identified:
-    """Mass, centre and the sensor's zero by least squares, from readings at rest with nothing touching.
+    """Mass, centre and the sensor's zero by least squares, from readings at rest with nothing
+    touching.
 
     Args:
         wrenches_F: What the sensor read in each pose, averaged, force first [N, N m].
@@ -62,11 +67,13 @@ def identify(
         gravity_B: Gravity in the robot's base [m/s^2].
 
     Raises:
-        CalibrationError: Too few poses, too little tilt between them, a reading that is not finite, or no positive
-            mass.
+        CalibrationError: Too few poses, too little tilt between them, a reading that is not finite,
+            or no positive mass.
     """
     if not np.isfinite(wrenches_F).all():
-        raise CalibrationError("a wrench reading is not finite: check the sensor's cable and power", wrenches_F)
+        raise CalibrationError(
+            "a wrench reading is not finite: check the sensor's cable and power", wrenches_F
+        )
     gravity_F = np.swapaxes(R_BF, 1, 2) @ gravity_B
     _check_poses(gravity_F)
     # unknown: mass, mass times the lever of the centre, zero of the force, zero of the torque
@@ -77,28 +84,33 @@ def identify(
     found = np.linalg.lstsq(A.reshape(-1, 10), wrenches_F.ravel(), rcond=None)[0]
     if not found[0] > 0:
         raise CalibrationError(
-            f"the readings fit a mass of {found[0]:.3f} kg: is the sensor mounted the other way round, or its sign "
-            "turned?",
+            f"the readings fit a mass of {found[0]:.3f} kg: is the sensor mounted the other way "
+            "round, or its sign turned?",
             found[0],
         )
     left = wrenches_F - A @ found
     force_rms, torque_rms = np.sqrt((left**2).mean(axis=0)).reshape(2, 3).mean(axis=1)
     payload = Payload(mass=float(found[0]), centre_F=at_F + found[1:4] / found[0])
-    return Identified(payload=payload, zero_F=found[4:], force_rms=float(force_rms), torque_rms=float(torque_rms))
+    return Identified(
+        payload=payload, zero_F=found[4:], force_rms=float(force_rms), torque_rms=float(torque_rms)
+    )
 
 
 def _check_poses(gravity_F: np.ndarray) -> None:
     if len(gravity_F) < FEWEST_POSES:
         raise CalibrationError(
-            f"{len(gravity_F)} poses do not tell the payload from the sensor's zero: take {FEWEST_POSES} or more",
+            f"{len(gravity_F)} poses do not tell the payload from the sensor's zero: take "
+            f"{FEWEST_POSES} or more",
             len(gravity_F),
         )
     directions = gravity_F / np.linalg.norm(gravity_F, axis=1, keepdims=True)
-    spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False) / np.sqrt(len(directions))
+    spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False) / np.sqrt(
+        len(directions)
+    )
     if spread[1] < LEAST_SPREAD:
         raise CalibrationError(
-            f"the poses tilt the flange too little (spread {spread[1]:.2f}, expected {LEAST_SPREAD}): tilt it by 30 "
-            "degrees or more to several sides",
+            f"the poses tilt the flange too little (spread {spread[1]:.2f}, expected "
+            f"{LEAST_SPREAD}): tilt it by 30 degrees or more to several sides",
             spread[1],
         )
 

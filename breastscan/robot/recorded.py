@@ -1,4 +1,6 @@
-"""A run folder played back as a robot: what a controller did once, held against what it does now."""
+"""A run folder played back as a robot: what a controller did once, held against what it does
+now.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -15,29 +17,30 @@ from breastscan.run.columns import LOG_FILE, Trajectory
 READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
 """What is read of the log."""
 TOOL_SPREAD = 1e-5
-"""Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the log's poses follow
-from its joint angles, so more means another kinematic calibration."""
+"""Most by which the tool's pose may differ from row to row [m, and in rotation's entries -]: the
+log's poses follow from its joint angles, so more means another kinematic calibration."""
 TOLERANCE = 1e-3
-"""Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A recording does not answer,
-so a law that integrates what it feels drifts on it: over 60 mm of contact by 2e-4 rad from a fitted lag that is 8e-6 s
-off, by 3e-8 rad from the right one."""
+"""Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A
+recording does not answer, so a law that integrates what it feels drifts on it: over 60 mm of
+contact by 2e-4 rad from a fitted lag that is 8e-6 s off, by 3e-8 rad from the right one."""
 CLOCK_DIGITS = 6
-"""Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by it is one off."""
+"""Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by
+it is one off."""
 
 
 class RecordedRobot:
-    """Implements `breastscan.robot.interface.Robot` on the trajectory that a scan left, for the regression of
-    controllers.
+    """Implements `breastscan.robot.interface.Robot` on the trajectory that a scan left, for the
+    regression of controllers.
 
-    Each `servo_joint` advances the recording by one of its rows, which `state` then shows. The recording cannot answer
-    a command that was not given at the time: a target further from the recorded one than the tolerance is refused, with
-    the place where the two runs part. Rows follow each other as commands did; where the log has a gap in time, so have
-    the states.
+    Each `servo_joint` advances the recording by one of its rows, which `state` then shows. The
+    recording cannot answer a command that was not given at the time: a target further from the
+    recorded one than the tolerance is refused, with the place where the two runs part. Rows follow
+    each other as commands did; where the log has a gap in time, so have the states.
 
-    Free motions are not in the log. `move_joint` is taken as done and changes nothing: if it ends elsewhere than the
-    recorded one did, the next `servo_joint` tells. `tare` keeps the recorded zero, and `stop` rests at the present row.
-    The first row is the state before the first command. The log does not hold the sensor's count, so every row counts
-    as one sample.
+    Free motions are not in the log. `move_joint` is taken as done and changes nothing: if it ends
+    elsewhere than the recorded one did, the next `servo_joint` tells. `tare` keeps the recorded
+    zero, and `stop` rests at the present row. The first row is the state before the first command.
+    The log does not hold the sensor's count, so every row counts as one sample.
     """
 
     def __init__(
@@ -53,12 +56,13 @@ class RecordedRobot:
         Args:
             recording: What was done.
             calibration: The arm's kinematics in that run; None for the nominal ones.
-            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the recording.
+            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the
+                recording.
             tolerance: Most by which a joint's target may differ from the recorded one [rad].
 
         Raises:
-            ConfigError: A number is not finite, there are too few rows, or the kinematics are not those of the
-                recording.
+            ConfigError: A number is not finite, there are too few rows, or the kinematics are not
+                those of the recording.
         """
         _require_whole(recording)
         self._log = recording
@@ -69,8 +73,11 @@ class RecordedRobot:
         """Control period of the recording [s]."""
         self.X_FP = _tool(self.calibration.forward(self._log.q), recording.X_BP)
         """Pose of the probe tip in the flange, as the recorded poses imply it."""
-        self.servo_lag = _lag(self._log.q, self._log.target, self.period) if servo_lag is None else servo_lag
-        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the whole recording."""
+        self.servo_lag = (
+            _lag(self._log.q, self._log.target, self.period) if servo_lag is None else servo_lag
+        )
+        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the
+        whole recording."""
         self._row = 0
 
     @staticmethod
@@ -106,7 +113,8 @@ class RecordedRobot:
         """
         if not self.rows_left:
             raise RobotError(
-                f"the recording ends after {self._row} commands: the run that is replayed goes on for longer",
+                f"the recording ends after {self._row} commands: the run that is replayed goes on "
+                "for longer",
                 self._row,
             )
         row = self._row + 1
@@ -114,9 +122,10 @@ class RecordedRobot:
         if not off.max() <= self._tolerance:
             joint = int(np.argmax(off))
             raise RobotError(
-                f"the runs part at command {self._row}, {self._log.t[row]:.3f} s: joint {joint} goes to "
-                f"{q[joint]:.5f} rad, the recorded one to {self._log.target[row, joint]:.5f} rad, more than "
-                f"{self._tolerance:g} rad apart: look at both runs before this time",
+                f"the runs part at command {self._row}, {self._log.t[row]:.3f} s: joint {joint} "
+                f"goes to {q[joint]:.5f} rad, the recorded one to "
+                f"{self._log.target[row, joint]:.5f} rad, more than {self._tolerance:g} rad apart: "
+                "look at both runs before this time",
                 q,
             )
         self._row = row
@@ -140,28 +149,37 @@ class RecordedRobot:
 def _require_whole(log: Trajectory) -> None:
     """Refuse a recording that cannot be played."""
     if len(log.t) < 2:
-        raise ConfigError(f"the recording holds {len(log.t)} rows, expected two or more", len(log.t))
+        raise ConfigError(
+            f"the recording holds {len(log.t)} rows, expected two or more", len(log.t)
+        )
     for name in READ:
         if not np.isfinite(getattr(log, name)).all():
             column = name.removesuffix("_P")
-            raise ConfigError(f"column {column} of the recording holds a value that is not finite", name)
+            raise ConfigError(
+                f"column {column} of the recording holds a value that is not finite", name
+            )
 
 
-def _tool(X_BF: Float[np.ndarray, "n 4 4"], X_BP: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "4 4"]:
+def _tool(
+    X_BF: Float[np.ndarray, "n 4 4"], X_BP: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "4 4"]:
     """The pose of the tip in the flange that joins the two; the same in every row."""
     X_FP = se3.inverse(X_BF) @ X_BP
     spread = float(np.ptp(X_FP, axis=0).max())
     if spread > TOOL_SPREAD:
         raise ConfigError(
-            f"the recorded poses do not follow from the recorded angles (the tool moves by {spread:.1e} in the "
-            "flange): give the kinematic calibration with which the run was made",
+            "the recorded poses do not follow from the recorded angles (the tool moves by "
+            f"{spread:.1e} in the flange): give the kinematic calibration with which the run was "
+            "made",
             spread,
         )
     return X_FP[0]
 
 
 def _lag(q: Float[np.ndarray, "n 6"], target: Float[np.ndarray, "n 6"], period: float) -> float:
-    """The time that, with the targets' speed, explains best how far the joints trail [s]; 0 where nothing moves."""
+    """The time that, with the targets' speed, explains best how far the joints trail [s]; 0
+    where nothing moves.
+    """
     speed = np.gradient(target, period, axis=0)
     moved = float(np.sum(speed**2))
     return float(np.sum(speed * (target - q))) / moved if moved > 0 else 0.0

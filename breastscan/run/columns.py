@@ -1,4 +1,6 @@
-"""The log of an executed scan, one sample a control period, and the columns of the files that a run leaves."""
+"""The log of an executed scan, one sample a control period, and the columns of the files that a
+run leaves.
+"""
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -122,7 +124,11 @@ class Trajectory:
         starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
         ends = np.r_[starts[1:], len(names) - 1]
         return [
-            Span(phase=self.phase[start], start=float(self.elapsed[start]), end=float(self.elapsed[end]))
+            Span(
+                phase=self.phase[start],
+                start=float(self.elapsed[start]),
+                end=float(self.elapsed[end]),
+            )
             for start, end in zip(starts, ends, strict=True)
         ]
 
@@ -132,7 +138,9 @@ class Trajectory:
         return error_B * MM_PER_M
 
     def normal_errors_mm(self) -> Float[np.ndarray, "m"]:
-        """The part of `path_errors_mm` along the planned outward normal: negative is deeper than planned [mm]."""
+        """The part of `path_errors_mm` along the planned outward normal: negative is deeper than
+        planned [mm].
+        """
         normal_B = -self.X_BP_plan[self.in_loop, :3, 2]
         return np.sum(self.path_errors_mm() * normal_B, axis=1)
 
@@ -143,11 +151,17 @@ class Trajectory:
 
     def take(self, rows: Int[np.ndarray, "k"]) -> "Trajectory":
         """Some of the samples."""
-        arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        arrays = {
+            name: values[rows]
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray)
+        }
         return replace(self, phase=tuple(self.phase[row] for row in rows), **arrays)
 
     def between(self, s: Float[np.ndarray, "k"]) -> "Trajectory":
-        """A loop at other path lengths [m] within its own, which rise: linear between its samples."""
+        """A loop at other path lengths [m] within its own, which rise: linear between its
+        samples.
+        """
         row = np.interp(s, self.s, np.arange(len(self.s)))
         nearest = self.take(row.round().astype(int))
 
@@ -155,12 +169,20 @@ class Trajectory:
             columns = [np.interp(s, self.s, column) for column in values.reshape(len(values), -1).T]
             return np.stack(columns, axis=1).reshape(len(s), *values.shape[1:])
 
-        numbers = {name: values for name, values in vars(self).items() if getattr(values, "dtype", None) == np.float64}
+        numbers = {
+            name: values
+            for name, values in vars(self).items()
+            if getattr(values, "dtype", None) == np.float64
+        }
         return replace(nearest, **{name: linear(values) for name, values in numbers.items()})
 
     def save(self, path: Path) -> None:
-        """Write the log: a column a field, without its frame, in their order; a matrix as a list of its numbers."""
-        columns = {_column(name): values for name, values in vars(self).items() if values is not None}
+        """Write the log: a column a field, without its frame, in their order; a matrix as a list
+        of its numbers.
+        """
+        columns = {
+            _column(name): values for name, values in vars(self).items() if values is not None
+        }
         columns |= {name: columns[name].reshape(len(self.t), 16) for name in ("X_BP", "X_BP_plan")}
         polars.DataFrame(columns).write_parquet(path)
 
@@ -169,7 +191,8 @@ class Trajectory:
         """Read a log.
 
         Raises:
-            ConfigError: The file is no log of a scan, lacks a column, or one does not hold what it should.
+            ConfigError: The file is no log of a scan, lacks a column, or one does not hold what it
+                should.
         """
         table = _read(path)
 
@@ -178,7 +201,9 @@ class Trajectory:
             values = table[column].to_numpy().astype(float)
             if values.size != len(table) * int(np.prod(shape)):
                 raise ConfigError(
-                    f"{path}: column {column} should hold {shape} numbers a row; run the scan again", path
+                    f"{path}: column {column} should hold {shape} numbers a row; run the scan "
+                    "again",
+                    path,
                 )
             return values.reshape(len(table), *shape)
 
@@ -196,13 +221,16 @@ def _column(field: str) -> str:
 def _read(path: Path) -> polars.DataFrame:
     if not path.is_file():
         why = (
-            f"{path.parent} is not a run: expected a folder with {path.name}, as `breastscan scan --out {path.parent}`"
+            f"{path.parent} is not a run: expected a folder with {path.name}, as `breastscan "
+            f"scan --out {path.parent}`"
         )
         raise ConfigError(f"{why} writes it", path)
     try:
         table = polars.read_parquet(path)
     except (polars.exceptions.PolarsError, OSError) as error:
-        raise ConfigError(f"{path} is not a Parquet file ({error}): run the scan again", path) from error
+        raise ConfigError(
+            f"{path} is not a Parquet file ({error}): run the scan again", path
+        ) from error
     needed = (_column(field.name) for field in fields(Trajectory) if field.name not in TRUTH)
     missing = [name for name in needed if name not in table.columns]
     if missing or table.is_empty():

@@ -5,8 +5,11 @@ import numpy as np
 from breastscan.run.columns import Trajectory
 
 
-def of_execution(trajectory: Trajectory, speed_fluctuation_pct: float, execution_wall: float) -> dict[str, object]:
-    """Executed minus planned tip at equal path parameter, in B, over the loop; joint speeds; how the clock ran.
+def of_execution(
+    trajectory: Trajectory, speed_fluctuation_pct: float, execution_wall: float
+) -> dict[str, object]:
+    """Executed minus planned tip at equal path parameter, in B, over the loop; joint speeds; how
+    the clock ran.
 
     On soft tissue the normal part of the tracking error contains the indentation.
 

@@ -15,9 +15,15 @@ from breastscan.errors import ConfigError, PlanningError
 from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
 
 REQUIRED_FILES = (
-    "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
+    "metrics.json",
+    "config.json",
+    "left.png",
+    "right.png",
+    "disparity.png",
+    "cloud.ply",
+    "path.csv",
     "trajectory.parquet",
-)  # fmt: skip
+)
 """What `breastscan scan` always writes; a video only where there is a scene to film."""
 
 VIDEO_FILE = "scan.mp4"
@@ -82,7 +88,9 @@ def _require_files(folder: Path) -> None:
 
 
 def _unreadable(path: Path, reason: object) -> ConfigError:
-    return ConfigError(f"{path} cannot be read ({reason}): run `breastscan scan --out {path.parent}` again", path)
+    return ConfigError(
+        f"{path} cannot be read ({reason}): run `breastscan scan --out {path.parent}` again", path
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -117,7 +125,8 @@ def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
     missing = [name for name in PATH_COLUMNS if name not in table.columns]
     if missing:
         raise ConfigError(
-            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(PATH_COLUMNS)}", source
+            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(PATH_COLUMNS)}",
+            source,
         )
     values = table.select(polars.col(PATH_COLUMNS).cast(polars.Float64, strict=False)).to_numpy()
     points_B, normals_B = np.hsplit(values, 2)
@@ -126,7 +135,8 @@ def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
     if bad.any():
         row = int(np.argmax(bad))
         raise PlanningError(
-            f"point {row + 1} of {source} is {values[row]}: expected finite numbers and a normal of length 1",
+            f"point {row + 1} of {source} is {values[row]}: expected finite numbers and a normal "
+            "of length 1",
             values[row],
         )
     return points_B, normals_B / lengths[:, None]
@@ -149,12 +159,20 @@ def read_cloud(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray
     vertices = content["metadata"]["_ply_raw"]["vertex"]["data"]
     names = vertices.dtype.names or ()
     if len(vertices) == 0 or not {"x", "y", "z", "nx", "ny", "nz"} <= set(names):
-        raise ConfigError(f"{source} holds no points with normals (x y z nx ny nz), but {', '.join(names)}", source)
-    values = np.stack([np.asarray(vertices[name], float) for name in ("x", "y", "z", "nx", "ny", "nz")], axis=1)
+        raise ConfigError(
+            f"{source} holds no points with normals (x y z nx ny nz), but {', '.join(names)}",
+            source,
+        )
+    values = np.stack(
+        [np.asarray(vertices[name], float) for name in ("x", "y", "z", "nx", "ny", "nz")], axis=1
+    )
     points, normals = np.hsplit(values[np.isfinite(values).all(axis=1)], 2)
     return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def _require_file(source: Path) -> None:
     if not source.is_file():
-        raise ConfigError(f"no file at {source}: expected a cloud (PLY) or a path (CSV), as a scan leaves them", source)
+        raise ConfigError(
+            f"no file at {source}: expected a cloud (PLY) or a path (CSV), as a scan leaves them",
+            source,
+        )

@@ -22,7 +22,15 @@ from trimesh.exchange.ply import export_ply
 from breastscan.errors import ConfigError
 from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
 
-REPORTED_VERSIONS = ("breastscan", "mujoco", "dm-control", "numpy", "scipy", "opencv-python-headless", "numba")
+REPORTED_VERSIONS = (
+    "breastscan",
+    "mujoco",
+    "dm-control",
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "numba",
+)
 
 INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
 """A list of numbers as `json` indents it; text in a string holds no line break."""
@@ -32,10 +40,11 @@ ABORTED = "aborted"
 
 @contextmanager
 def staged(out: Path) -> Iterator[Path]:
-    """Yield an empty folder whose files move into `out` when the block ends well, and vanish when it does not.
+    """Yield an empty folder whose files move into `out` when the block ends well, and vanish when
+    it does not.
 
-    Whatever an earlier run left in `out` stays whole until the new results are complete; only then goes what a scan
-    that was cut off left in `ABORTED`.
+    Whatever an earlier run left in `out` stays whole until the new results are complete; only then
+    goes what a scan that was cut off left in `ABORTED`.
 
     Raises:
         ConfigError: `out` cannot be written; said before any work is done.
@@ -45,7 +54,9 @@ def staged(out: Path) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
     except OSError as error:
         raise ConfigError(
-            f"cannot write to the output folder {out} ({error.strerror}): choose another one with --out", out
+            f"cannot write to the output folder {out} ({error.strerror}): choose another one with "
+            "--out",
+            out,
         ) from error
     try:
         yield folder
@@ -57,7 +68,9 @@ def staged(out: Path) -> Iterator[Path]:
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write JSON that any reader takes: arrays as lists, paths as strings, no NaN; a list of numbers on one line."""
+    """Write JSON that any reader takes: arrays as lists, paths as strings, no NaN; a list of
+    numbers on one line.
+    """
     text = json.dumps(content, indent=2, default=_plain, allow_nan=False)
     text = INNERMOST.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
     path.write_text(text + "\n", encoding="utf-8")
@@ -80,7 +93,10 @@ def _plain(value: object) -> object:
 
 def versions() -> dict[str, str]:
     """Versions of what the numbers of a run depend on."""
-    return {"python": platform.python_version(), **{name: version(name) for name in REPORTED_VERSIONS}}
+    return {
+        "python": platform.python_version(),
+        **{name: version(name) for name in REPORTED_VERSIONS},
+    }
 
 
 def write_image(path: Path, image: np.ndarray) -> None:
@@ -94,7 +110,9 @@ def write_image(path: Path, image: np.ndarray) -> None:
 
 
 def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> np.ndarray:
-    """Disparity as colours (BGR), black where unknown, scaled to the 1 % and 99 % quantiles [Zhang, Fig. 6]."""
+    """Disparity as colours (BGR), black where unknown, scaled to the 1 % and 99 % quantiles
+    [Zhang, Fig. 6].
+    """
     known = np.isfinite(disparity)
     if not known.any():
         return np.zeros((*disparity.shape, 3), np.uint8)
@@ -105,13 +123,17 @@ def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> np.ndarray:
     return colours
 
 
-def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> None:
+def write_cloud(
+    path: Path, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> None:
     """Write points [m] with their unit normals as binary PLY."""
     cloud = trimesh.Trimesh(vertices=points, vertex_normals=normals, process=False)
     path.write_bytes(export_ply(cloud, vertex_normal=True))
 
 
-def write_path(path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]) -> None:
+def write_path(
+    path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
+) -> None:
     """Write the path's points [m] and unit normals in B as CSV."""
     columns = dict(zip(PATH_COLUMNS, np.hstack([points_B, normals_B]).T, strict=True))
     pl.DataFrame(columns).write_csv(path, float_precision=7)
@@ -133,6 +155,11 @@ def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Pa
     trajectory.save(folder / LOG_FILE)
     on_path = trajectory.s[~np.isnan(trajectory.s)]
     reached = on_path[-1] if on_path.size else None
-    content = {"error": type(error).__name__, "message": str(error), "path_reached_m": reached, "versions": versions()}
+    content = {
+        "error": type(error).__name__,
+        "message": str(error),
+        "path_reached_m": reached,
+        "versions": versions(),
+    }
     write_json(folder / "abort.json", content)
     return folder

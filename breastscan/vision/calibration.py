@@ -1,6 +1,8 @@
-"""The stereo rig from shots of a board: each camera alone, then the pair [Zhang, Sec. II-A, Figs. 2-5, Tables 1, 2].
+"""The stereo rig from shots of a board: each camera alone, then the pair [Zhang, Sec. II-A, Figs.
+2-5, Tables 1, 2].
 
-Shots whose corners do not fit those of the others are named, dropped, and the calibration is repeated, as in the paper.
+Shots whose corners do not fit those of the others are named, dropped, and the calibration is
+repeated, as in the paper.
 """
 
 from collections.abc import Sequence
@@ -22,7 +24,8 @@ HELD_OUT_EVERY = 5
 FEWEST_SHOTS = 12
 """That may remain."""
 SINGULAR_RATIO, SINGULAR_PX = 4.0, 0.05
-"""A shot is singular when its residual exceeds the median one so many times [-], and so much [px]."""
+"""A shot is singular when its residual exceeds the median one so many times [-], and so much
+[px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,14 +59,15 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
         board: The board.
 
     Raises:
-        CalibrationError: Too few shots fit together, left and right are swapped, or the set is too poor to trust.
+        CalibrationError: Too few shots fit together, left and right are swapped, or the set is too
+            poor to trust.
     """
     used, dropped = list(shots), {}
     while True:
         if len(used) < FEWEST_SHOTS:
             raise CalibrationError(
-                f"{len(used)} usable shots of the board, at least {FEWEST_SHOTS} are needed{_because(dropped)}: "
-                "take more, with the whole board in both pictures",
+                f"{len(used)} usable shots of the board, at least {FEWEST_SHOTS} are "
+                f"needed{_because(dropped)}: take more, with the whole board in both pictures",
                 dropped,
             )
         rig, X_LBoard, residuals_px = _estimate(used, size, board)
@@ -81,9 +85,14 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
     )
     check(quality)
     return Calibration(
-        rig=rig, board=board, shots=tuple(used), residuals_px=residuals_px, X_LBoard=X_LBoard, dropped=dropped,
+        rig=rig,
+        board=board,
+        shots=tuple(used),
+        residuals_px=residuals_px,
+        X_LBoard=X_LBoard,
+        dropped=dropped,
         quality=quality,
-    )  # fmt: skip
+    )
 
 
 def board_pose(rig: StereoRig, shot: BoardShot, board: Board) -> Float[np.ndarray, "4 4"]:
@@ -96,8 +105,12 @@ def board_pose(rig: StereoRig, shot: BoardShot, board: Board) -> Float[np.ndarra
     return fit_pose(board.points, (homogeneous[:3] / homogeneous[3]).T)
 
 
-def fit_pose(p_B: Float[np.ndarray, "n 3"], p_A: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "4 4"]:
-    """The `X_AB` that carries points given in B onto the same points given in A, by least squares [m]."""
+def fit_pose(
+    p_B: Float[np.ndarray, "n 3"], p_A: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "4 4"]:
+    """The `X_AB` that carries points given in B onto the same points given in A, by least
+    squares [m].
+    """
     centre_A, centre_B = p_A.mean(axis=0), p_B.mean(axis=0)
     U, _, Vt = np.linalg.svd((p_A - centre_A).T @ (p_B - centre_B))
     R_AB = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
@@ -107,20 +120,32 @@ def fit_pose(p_B: Float[np.ndarray, "n 3"], p_A: Float[np.ndarray, "n 3"]) -> Fl
 def _estimate(
     shots: Sequence[BoardShot], size: tuple[int, int], board: Board
 ) -> tuple[StereoRig, Float[np.ndarray, "shots 4 4"], Float[np.ndarray, "shots 2"]]:
-    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as well.
+    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as
+    well.
 
     Returns:
         The rig, the board's poses [m], and the residuals [px].
     """
     objects = [board.points.astype(np.float32)] * len(shots)
-    views = [[getattr(shot, side).astype(np.float32) for shot in shots] for side in ("left", "right")]
+    views = [
+        [getattr(shot, side).astype(np.float32) for shot in shots] for side in ("left", "right")
+    ]
     cameras = []
     for pixels in views:
         _, K, distortion, _, _ = cv2.calibrateCamera(objects, pixels, size, np.eye(3), np.zeros(5))
-        cameras.append(Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1]))
+        cameras.append(
+            Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1])
+        )
     left, right = cameras
     _, _, _, _, _, R, p, _, _ = cv2.stereoCalibrate(  # pyright: ignore[reportCallIssue]
-        objects, *views, left.K, left.distortion, right.K, right.distortion, size, flags=cv2.CALIB_FIX_INTRINSIC
+        objects,
+        *views,
+        left.K,
+        left.distortion,
+        right.K,
+        right.distortion,
+        size,
+        flags=cv2.CALIB_FIX_INTRINSIC,
     )
     rig = StereoRig(left=left, right=right, X_RL=se3.pose(R, p.reshape(3)))
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in shots])
@@ -137,7 +162,9 @@ def _singular(residuals_px: Float[np.ndarray, "shots 2"]) -> int | None:
 
 
 def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> float:
-    """RMS distance between found and predicted corners of shots that a calibration has not seen [px]."""
+    """RMS distance between found and predicted corners of shots that a calibration has not seen
+    [px].
+    """
     kept = [shot for number, shot in enumerate(shots) if number % HELD_OUT_EVERY]
     rig, _, _ = _estimate(kept, size, board)
     held_out = shots[::HELD_OUT_EVERY]
@@ -149,11 +176,15 @@ def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board
 def _check_sides(rig: StereoRig) -> None:
     if rig.X_RL[0, 3] > 0:
         raise CalibrationError(
-            f"the left pictures were taken {rig.X_RL[0, 3] * 1e3:.0f} mm to the right of the right ones: "
-            "left and right are swapped, exchange them",
+            f"the left pictures were taken {rig.X_RL[0, 3] * 1e3:.0f} mm to the right of the right "
+            "ones: left and right are swapped, exchange them",
             rig.X_RL,
         )
 
 
 def _because(dropped: dict[str, str]) -> str:
-    return "" if not dropped else " (dropped: " + "; ".join(f"{name}, {why}" for name, why in dropped.items()) + ")"
+    return (
+        ""
+        if not dropped
+        else " (dropped: " + "; ".join(f"{name}, {why}" for name, why in dropped.items()) + ")"
+    )

@@ -1,4 +1,6 @@
-"""The stereo rig as calibrated, and rectification to row-aligned pairs [Zhang, Sec. II-A, Fig. 5]."""
+"""The stereo rig as calibrated, and rectification to row-aligned pairs [Zhang, Sec. II-A, Fig.
+5].
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,12 +19,15 @@ SHORTEST_BASELINE = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Intrinsics:
-    """One camera: pinhole and Brown-Conrady distortion, in OpenCV's conventions (pixel centres at integers)."""
+    """One camera: pinhole and Brown-Conrady distortion, in OpenCV's conventions (pixel centres
+    at integers).
+    """
 
     K: Float[np.ndarray, "3 3"]
     """Camera matrix [px]."""
     distortion: Float[np.ndarray, "5"]
-    """k1, k2, p1, p2, k3 on undistorted normalised coordinates [Zhang, Eq. 1, in OpenCV's order]."""
+    """k1, k2, p1, p2, k3 on undistorted normalised coordinates [Zhang, Eq. 1, in OpenCV's
+    order]."""
     width: int
     """Image width [px]."""
     height: int
@@ -31,15 +36,17 @@ class Intrinsics:
     def __post_init__(self) -> None:
         if not (self.K[0, 0] > 0 and self.K[1, 1] > 0 and min(self.width, self.height) > 0):
             raise CalibrationError(
-                f"no camera has focal lengths of {self.K[0, 0]:g}, {self.K[1, 1]:g} px and {self.width}x{self.height} "
-                "px: is the camera matrix transposed, or empty?",
+                f"no camera has focal lengths of {self.K[0, 0]:g}, {self.K[1, 1]:g} px and "
+                f"{self.width}x{self.height} px: is the camera matrix transposed, or empty?",
                 self.K,
             )
 
 
 @dataclass(frozen=True, kw_only=True)
 class RectifiedPair:
-    """A pair whose corresponding points share a row: the left point (x, y) lies at (x - disparity, y) on the right."""
+    """A pair whose corresponding points share a row: the left point (x, y) lies at (x -
+    disparity, y) on the right.
+    """
 
     left: UInt8[np.ndarray, "h w"]
     right: UInt8[np.ndarray, "h w"]
@@ -55,7 +62,9 @@ class RectifiedPair:
 
 @dataclass(frozen=True, kw_only=True)
 class StereoRig:
-    """Two calibrated cameras and, once hand-eye calibrated, their place in the robot's base frame."""
+    """Two calibrated cameras and, once hand-eye calibrated, their place in the robot's base
+    frame.
+    """
 
     left: Intrinsics
     right: Intrinsics
@@ -74,11 +83,14 @@ class StereoRig:
         """Read a rig from an OpenCV FileStorage file.
 
         Raises:
-            CalibrationError: The file is missing, is not a rig, or holds numbers that no camera can have.
+            CalibrationError: The file is missing, is not a rig, or holds numbers that no camera can
+                have.
         """
         path = Path(path)
         if not path.is_file():
-            raise CalibrationError(f"no rig file at {path}: give one with --rig, or calibrate first", path)
+            raise CalibrationError(
+                f"no rig file at {path}: give one with --rig, or calibrate first", path
+            )
         try:
             storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
         except (cv2.error, SystemError) as error:
@@ -96,14 +108,18 @@ class StereoRig:
         ]
         X_RL = _rigid(_matrix(storage, path, "X_RL", (4, 4)), path, "X_RL")
         has_hand_eye = not storage.getNode("X_BL").empty()
-        X_BL = _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
+        X_BL = (
+            _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
+        )
         storage.release()
         if np.linalg.norm(X_RL[:3, 3]) < SHORTEST_BASELINE:
             raise _not_a_rig(path, "the cameras' baseline is below 1 mm")
         return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
 
     def save(self, path: str | Path) -> None:
-        """Write the rig where `load`, OpenCV's FileStorage and any YAML reader that knows `!!opencv-matrix` read it."""
+        """Write the rig where `load`, OpenCV's FileStorage and any YAML reader that knows
+        `!!opencv-matrix` read it.
+        """
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
         for side, camera in (("left", self.left), ("right", self.right)):
             storage.write(f"image_width_{side}", camera.width)
@@ -115,7 +131,9 @@ class StereoRig:
             storage.write("X_BL", self.X_BL)
         storage.release()
 
-    def rectify(self, left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h2 w2"]) -> RectifiedPair:
+    def rectify(
+        self, left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h2 w2"]
+    ) -> RectifiedPair:
         """Undistort and turn both images until their rows are aligned.
 
         Lanczos interpolation: it leaves half the depth error of linear interpolation.
@@ -126,12 +144,16 @@ class StereoRig:
         for side, image, camera in (("left", left, self.left), ("right", right, self.right)):
             if image.shape != (camera.height, camera.width):
                 raise PerceptionError(
-                    f"the {side} image is {image.shape[1]}x{image.shape[0]} px, but the rig was calibrated for "
-                    f"{camera.width}x{camera.height} px: use the rig file of this camera setting",
+                    f"the {side} image is {image.shape[1]}x{image.shape[0]} px, but the rig was "
+                    f"calibrated for {camera.width}x{camera.height} px: use the rig file of this "
+                    "camera setting",
                     image.shape,
                 )
         maps, focal_px, centre_px, R_LV = self._rectification
-        views = [cv2.remap(image, *m, cv2.INTER_LANCZOS4) for image, m in zip((left, right), maps, strict=True)]
+        views = [
+            cv2.remap(image, *m, cv2.INTER_LANCZOS4)
+            for image, m in zip((left, right), maps, strict=True)
+        ]
         return RectifiedPair(
             left=views[0].astype(np.uint8, copy=False),
             right=views[1].astype(np.uint8, copy=False),
@@ -157,7 +179,9 @@ class StereoRig:
 
 
 def _not_a_rig(path: Path, reason: str) -> CalibrationError:
-    return CalibrationError(f"{path} is not a rig file ({reason}): expected what StereoRig.save writes", path)
+    return CalibrationError(
+        f"{path} is not a rig file ({reason}): expected what StereoRig.save writes", path
+    )
 
 
 def _matrix(storage: cv2.FileStorage, path: Path, key: str, shape: tuple[int, int]) -> np.ndarray:
@@ -178,7 +202,9 @@ def _length(storage: cv2.FileStorage, path: Path, key: str) -> int:
 
 
 def _rigid(X: np.ndarray, path: Path, key: str) -> np.ndarray:
-    """`X` with its rotation replaced by the nearest proper one, so that rounded files compose exactly."""
+    """`X` with its rotation replaced by the nearest proper one, so that rounded files compose
+    exactly.
+    """
     U, singular, Vt = np.linalg.svd(X[:3, :3])
     if np.abs(singular - 1).max() > 1e-2 or np.linalg.det(U @ Vt) < 0:
         raise _not_a_rig(path, f"the rotation of {key} is not one")

@@ -1,9 +1,11 @@
-"""Photometric refinement of the disparity on one smooth object, to a fraction of a tenth of a pixel.
+"""Photometric refinement of the disparity on one smooth object, to a fraction of a tenth of a
+pixel.
 
-A bicubic B-spline disparity field is fitted to the images themselves: where the field is right, the left grey level
-equals the right one at x - d, up to the gain and bias between the cameras. Gauss-Newton from the matcher's disparity,
-robust weights, and a penalty on third differences that is scaled by the noise found in the images. Rows that do not
-match are put right first (`row_shift`). (Not in the paper.)
+A bicubic B-spline disparity field is fitted to the images themselves: where the field is right, the
+left grey level equals the right one at x - d, up to the gain and bias between the cameras.
+Gauss-Newton from the matcher's disparity, robust weights, and a penalty on third differences that
+is scaled by the noise found in the images. Rows that do not match are put right first
+(`row_shift`). (Not in the paper.)
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +16,13 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.vision.refining.photometric import FitConfig, GreyLevels, PhotometricFit, fit_to_images, fit_to_matcher
+from breastscan.vision.refining.photometric import (
+    FitConfig,
+    GreyLevels,
+    PhotometricFit,
+    fit_to_images,
+    fit_to_matcher,
+)
 from breastscan.vision.refining.row_shift import RowShift, row_shift
 from breastscan.vision.refining.spline_field import Region
 
@@ -33,14 +41,17 @@ class RefineConfig:
     largest_change_px: float = 2.0
     """Where the field leaves the matcher's disparity by more, the matcher's stands [px]."""
     jump_px: float = 4.0
-    """A larger step between neighbours is a depth discontinuity, left alone with what is near [px]: 17 mm at 540 mm."""
+    """A larger step between neighbours is a depth discontinuity, left alone with what is near [px]:
+    17 mm at 540 mm."""
     largest_sigma_px: float = 0.25
     """Where the field is less certain, for want of texture, the matcher's disparity stands [px]."""
 
     def __post_init__(self) -> None:
         require_positive(self, "refine")
         if self.spacing_px < 2:
-            raise ConfigError(f"refine.spacing-px must be 2 or more, got {self.spacing_px}", self.spacing_px)
+            raise ConfigError(
+                f"refine.spacing-px must be 2 or more, got {self.spacing_px}", self.spacing_px
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +77,8 @@ def refine(
     mask: Bool[np.ndarray, "h w"],
     config: RefineConfig | None = None,
 ) -> RefinedDisparity:
-    """Refine `disparity` [px] inside `mask`, which must hold one smooth surface but for jumps that are left alone.
+    """Refine `disparity` [px] inside `mask`, which must hold one smooth surface but for jumps that
+    are left alone.
 
     Raises:
         PerceptionError: The mask holds no known disparity.
@@ -75,16 +87,20 @@ def refine(
     smooth = mask & ~_near_jumps(np.where(mask, disparity, np.float32(np.nan)), config)
     if not np.isfinite(disparity[smooth]).any():
         raise PerceptionError(
-            f"expected a smooth object with known disparity to refine, found none among the mask's {mask.sum()} px: "
-            "match the pair first and give the mask that segment_breast found",
+            "expected a smooth object with known disparity to refine, found none among the mask's "
+            f"{mask.sum()} px: match the pair first and give the mask that segment_breast found",
             int(mask.sum()),
         )
     region = Region.around(smooth, config.spacing_px)
     spline = region.field
-    matched, inside = spline.to_cells(region.cut(disparity, np.nan)), spline.to_cells(region.cut(smooth, False))
+    matched, inside = (
+        spline.to_cells(region.cut(disparity, np.nan)),
+        spline.to_cells(region.cut(smooth, False)),
+    )
     fit, shift = _fit_on_its_rows(left, right, region, matched, inside, config.fit)
     refined = spline.evaluate(fit.coefficients)
-    sigma = np.sqrt(spline.variance(fit.factor / fit.noise))  # the smoothing is taken as the field's prior
+    # the smoothing is taken as the field's prior
+    sigma = np.sqrt(spline.variance(fit.factor / fit.noise))
     agrees = ~(np.abs(refined - matched) > config.largest_change_px)  # true in holes
     applied = inside & agrees & (sigma < config.largest_sigma_px)
     return RefinedDisparity(
@@ -104,7 +120,9 @@ def _fit_on_its_rows(
     inside: Bool[np.ndarray, "cells pixels"],
     config: FitConfig,
 ) -> tuple[PhotometricFit, RowShift]:
-    """The field and the shift of the rows in turn: where rows do not match, neither is exact without the other."""
+    """The field and the shift of the rows in turn: where rows do not match, neither is exact
+    without the other.
+    """
     spline = region.field
 
     def fitted(coefficients: Float[np.ndarray, "n"], shift: RowShift) -> PhotometricFit:
@@ -125,7 +143,9 @@ def _fit_on_its_rows(
     return fit, shift
 
 
-def _near_jumps(matched: Float32[np.ndarray, "h w"], config: RefineConfig) -> Bool[np.ndarray, "h w"]:
+def _near_jumps(
+    matched: Float32[np.ndarray, "h w"], config: RefineConfig
+) -> Bool[np.ndarray, "h w"]:
     """Pixels within a knot of a depth discontinuity."""
     jumps = np.zeros(matched.shape, np.uint8)
     jumps[:, 1:] |= np.abs(np.diff(matched, axis=1)) > config.jump_px

@@ -1,4 +1,6 @@
-"""Disparity of a rectified pair: census, semi-global matching, consistency, sub-pixel, median [Zhang, Sec. II-B]."""
+"""Disparity of a rectified pair: census, semi-global matching, consistency, sub-pixel, median
+[Zhang, Sec. II-B].
+"""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -19,7 +21,8 @@ COARSE_FACTOR, COARSE_WIDTH = 4, 160
 COARSE_TAIL = 0.002
 """Share of the coarse disparities at either end that may be matches by chance."""
 COARSE_MARGIN = 2
-"""Coarse pixels added to the range at either end: what is too small to be seen there, and what ends a range."""
+"""Coarse pixels added to the range at either end: what is too small to be seen there, and what ends
+a range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +32,8 @@ class StereoConfig:
     min_disparity: int | None = None
     """Smallest disparity searched [px]; None for what a coarse pass over the pair finds."""
     num_disparities: int | None = None
-    """Number of disparities searched, a multiple of 32; None for what a coarse pass over the pair finds."""
+    """Number of disparities searched, a multiple of 32; None for what a coarse pass over the pair
+    finds."""
     paths: Literal[4, 8] = 8
     """Directions the cost is summed over [Zhang, Eq. 5]: 8, or 4 for rows and columns only."""
     P1: int = 20
@@ -39,17 +43,22 @@ class StereoConfig:
     consistency_px: int = 1
     """Largest difference between the left and the right image's winner [px] [Zhang, Eq. 7]."""
     subpixel: Literal["equiangular", "parabola"] = "equiangular"
-    """Fit of the cost about its minimum. Census costs form a V: a parabola is drawn to whole pixels."""
+    """Fit of the cost about its minimum. Census costs form a V: a parabola is drawn to whole
+    pixels."""
     speckle_px: int = 100
-    """Connected patches of fewer pixels are matches by chance and become unknown [px]; 0 for none."""
+    """Connected patches of fewer pixels are matches by chance and become unknown [px]; 0 for
+    none."""
     median_px: Literal[1, 3, 5] = 5
     """Side of the median filter's window [px]; 1 for none."""
     mean_px: Literal[1, 3, 5] = 5
-    """Side of the window in which like disparities are averaged, to less sub-pixel noise [px]; 1 for none."""
+    """Side of the window in which like disparities are averaged, to less sub-pixel noise [px]; 1
+    for none."""
 
     def __post_init__(self) -> None:
         if self.min_disparity is not None and self.min_disparity < 0:
-            raise ConfigError(f"stereo.min-disparity must be 0 px or more, got {self.min_disparity}")
+            raise ConfigError(
+                f"stereo.min-disparity must be 0 px or more, got {self.min_disparity}"
+            )
         if self.num_disparities is not None and not (
             LANES <= self.num_disparities <= MOST_DISPARITIES and self.num_disparities % LANES == 0
         ):
@@ -64,7 +73,9 @@ class StereoConfig:
         if self.consistency_px < 0:
             raise ConfigError(f"stereo.consistency-px must be 0 or more, got {self.consistency_px}")
         if self.subpixel not in ("equiangular", "parabola"):
-            raise ConfigError(f"stereo.subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}")
+            raise ConfigError(
+                f"stereo.subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}"
+            )
         if self.speckle_px < 0:
             raise ConfigError(f"stereo.speckle-px must be 0 or more, got {self.speckle_px}")
         for name in ("median_px", "mean_px"):
@@ -75,7 +86,8 @@ class StereoConfig:
 def disparity_map(
     left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h2 w2"], config: StereoConfig
 ) -> Float32[np.ndarray, "h w"]:
-    """Disparity of every left pixel [px], NaN where unknown: the point (x, y) lies at (x - disparity, y) on the right.
+    """Disparity of every left pixel [px], NaN where unknown: the point (x, y) lies at (x -
+    disparity, y) on the right.
 
     The same images give the same map, bit for bit, on any machine.
 
@@ -84,8 +96,8 @@ def disparity_map(
     """
     if left.shape != right.shape:
         raise PerceptionError(
-            f"both images of a pair must have one size, got {left.shape[1]}x{left.shape[0]} px (left) and "
-            f"{right.shape[1]}x{right.shape[0]} px (right): rectify them together",
+            f"both images of a pair must have one size, got {left.shape[1]}x{left.shape[0]} px "
+            f"(left) and {right.shape[1]}x{right.shape[0]} px (right): rectify them together",
             right.shape,
         )
     if config.min_disparity is None or config.num_disparities is None:
@@ -99,15 +111,21 @@ def disparity_map(
 def disparity_range(
     left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], config: StereoConfig
 ) -> tuple[int, int] | None:
-    """Smallest disparity and number of disparities [px] around what a coarse pass matches; None if it matches nothing.
+    """Smallest disparity and number of disparities [px] around what a coarse pass matches; None if
+    it matches nothing.
 
     What `config` gives is kept.
     """
     factor = min(max(left.shape[1] // COARSE_WIDTH, 1), COARSE_FACTOR)
     size = (left.shape[1] // factor, max(left.shape[0] // factor, 1))
-    small_left, small_right = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right))
-    half_width = _whole_lanes(size[0] // 2)  # nearer surfaces fill the image and are seen by one camera only
-    coarse = _matched(small_left, small_right, replace(config, min_disparity=0, num_disparities=half_width))
+    small_left, small_right = (
+        cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (left, right)
+    )
+    # nearer surfaces fill the image and are seen by one camera only
+    half_width = _whole_lanes(size[0] // 2)
+    coarse = _matched(
+        small_left, small_right, replace(config, min_disparity=0, num_disparities=half_width)
+    )
     known = coarse[np.isfinite(coarse)]
     if known.size == 0:
         return None
@@ -115,7 +133,9 @@ def disparity_range(
     smallest = config.min_disparity
     if smallest is None:
         smallest = max(0, int(factor * (low - COARSE_MARGIN)))
-    count = config.num_disparities or _whole_lanes(int(factor * (high + COARSE_MARGIN)) + 1 - smallest)
+    count = config.num_disparities or _whole_lanes(
+        int(factor * (high + COARSE_MARGIN)) + 1 - smallest
+    )
     return smallest, count
 
 
@@ -134,8 +154,8 @@ def _matched(
     matched = width - config.min_disparity
     if height < 1 or matched < 1:
         raise PerceptionError(
-            f"an image of {width}x{height} px has no pixel that can move by min_disparity = {config.min_disparity} px: "
-            "search smaller disparities or use larger images",
+            f"an image of {width}x{height} px has no pixel that can move by min_disparity = "
+            f"{config.min_disparity} px: search smaller disparities or use larger images",
             left.shape,
         )
     continued = cv2.copyMakeBorder(right, 0, 0, config.num_disparities - 1, 0, cv2.BORDER_REPLICATE)
@@ -154,4 +174,6 @@ def _matched(
             equiangular=config.subpixel == "equiangular",
         ),
     )
-    return filtered(disparity, speckle_px=config.speckle_px, median_px=config.median_px, mean_px=config.mean_px)
+    return filtered(
+        disparity, speckle_px=config.speckle_px, median_px=config.median_px, mean_px=config.mean_px
+    )

@@ -8,7 +8,8 @@ import numpy as np
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 LENGTH_SIGMA, ANGLE_SIGMA = 0.5e-3, np.deg2rad(0.05)
-"""Of each DH length [m] and angle [rad] against the nominal one: an arm whose calibration was not read."""
+"""Of each DH length [m] and angle [rad] against the nominal one: an arm whose calibration was not
+read."""
 LENGTH_RESIDUAL, ANGLE_RESIDUAL = 0.05e-3, np.deg2rad(0.005)
 """What the calibration itself leaves of them, one sigma [m], [rad]."""
 
@@ -18,8 +19,9 @@ class ArmConfig:
     """Which arm stands there, and whether its calibration is read."""
 
     kinematics: Literal["nominal", "uncalibrated", "calibrated"] = "nominal"
-    """nominal: the arm is as drawn. uncalibrated: every DH parameter deviates (.5 mm, .05 deg), and nobody knows.
-    calibrated: it deviates as much, and the robot tells all of it but .05 mm and .005 deg."""
+    """nominal: the arm is as drawn. uncalibrated: every DH parameter deviates (.5 mm, .05 deg), and
+    nobody knows. calibrated: it deviates as much, and the robot tells all of it but .05 mm and .005
+    deg."""
     seed: int = 0
     """Draws the deviations: one number, one arm."""
 

@@ -22,9 +22,13 @@ def has_diverged(data: mujoco.MjData) -> bool:
 
 
 def report(
-    data: mujoco.MjData, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"], X_SP: Float[np.ndarray, "4 4"]
+    data: mujoco.MjData,
+    q: Float[np.ndarray, "6"],
+    qd: Float[np.ndarray, "6"],
+    X_SP: Float[np.ndarray, "4 4"],
 ) -> RobotError:
-    """The error that ends the run. It names the time, the cause and a file with the state before the last step.
+    """The error that ends the run. It names the time, the cause and a file with the state before
+    the last step.
 
     Args:
         data: After the step.
@@ -35,12 +39,21 @@ def report(
     handle, path = tempfile.mkstemp(prefix="breastscan-diverged-", suffix=".npz")
     with os.fdopen(handle, "wb") as stream:
         np.savez(
-            stream, time=data.time, q=q, qd=qd, X_SP=X_SP, commands=data.ctrl, applied=data.xfrc_applied,
-            qvel_after=data.qvel, qacc=data.qacc,
-        )  # fmt: skip
+            stream,
+            time=data.time,
+            q=q,
+            qd=qd,
+            X_SP=X_SP,
+            commands=data.ctrl,
+            applied=data.xfrc_applied,
+            qvel_after=data.qvel,
+            qacc=data.qacc,
+        )
     time = float(data.time) - data.model.opt.timestep
     return RobotError(
-        f"the simulation diverged at {time:.3f} s: {_cause(data, qd)}. The state before is in {path}", path
+        f"the simulation diverged at {time:.3f} s: {_cause(data, qd)}. The state before is in "
+        f"{path}",
+        path,
     )
 
 

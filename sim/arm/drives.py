@@ -1,9 +1,10 @@
 """The joints' drives: what makes the arm be where the controller wants it.
 
-Proportional, integral and velocity feedback, and what the controller knows of its arm fed forward: speed, viscous
-friction and inertia, so that a wanted motion needs no error. The integral takes out what load and dry friction leave,
-as in every industrial drive. The gains are not published, they are chosen: as stiff as the strain-wave gears of such
-joints, critically damped in a middling posture.
+Proportional, integral and velocity feedback, and what the controller knows of its arm fed forward:
+speed, viscous friction and inertia, so that a wanted motion needs no error. The integral takes out
+what load and dry friction leave, as in every industrial drive. The gains are not published, they
+are chosen: as stiff as the strain-wave gears of such joints, critically damped in a middling
+posture.
 """
 
 from typing import no_type_check
@@ -16,10 +17,12 @@ from sim.arm.servo import PERIOD, ServoJ
 from sim.arm.ur5e import JOINTS
 
 INTEGRAL_TIME = 0.1
-"""Time in which the integral answers as much as the position's error does [s]: the damping hardly notices it."""
+"""Time in which the integral answers as much as the position's error does [s]: the damping hardly
+notices it."""
 STIFFNESS = np.array([joint.stiffness for joint in JOINTS])
 FRICTION_FEED = 1 + np.array([joint.viscous / joint.damping for joint in JOINTS])
-"""Velocity command over the wanted speed, so that the actuator's gain gives the viscous friction as well [-]."""
+"""Velocity command over the wanted speed, so that the actuator's gain gives the viscous friction as
+well [-]."""
 WINDUP = np.array([joint.torque for joint in JOINTS]) / STIFFNESS
 """Integral beyond which the drive would exceed its torque [rad]."""
 
@@ -52,5 +55,6 @@ def _commands(integral, q_wanted, qd_wanted, qdd_wanted, q, inertia_torque):
         grown = integral[i] + (PERIOD / INTEGRAL_TIME) * (q_wanted[i] - q[i])
         integral[i] = min(max(grown, -WINDUP[i]), WINDUP[i])
         position[i] = q_wanted[i] + integral[i] + inertia_torque[i] / STIFFNESS[i]
-        velocity[i] = FRICTION_FEED[i] * (qd_wanted[i] - PERIOD * qdd_wanted[i])  # as the period begins
+        # as the period begins
+        velocity[i] = FRICTION_FEED[i] * (qd_wanted[i] - PERIOD * qdd_wanted[i])
     return position, velocity

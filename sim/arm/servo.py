@@ -1,15 +1,16 @@
 """How the arm follows streamed joint targets: the controller's servoj.
 
-The controller's law is not published. The script manual says that `gain` acts like the P term on the way from the
-joint's position to the target, and that `lookahead_time` projects that position ahead with the present speed
-[UR-script]. Read as an acceleration, that is
+The controller's law is not published. The script manual says that `gain` acts like the P term on
+the way from the joint's position to the target, and that `lookahead_time` projects that position
+ahead with the present speed [UR-script]. Read as an acceleration, that is
 
     q'' = gain (target - (q + lookahead_time q')),
 
 once a period. It trails a steady ramp by `lookahead_time`, whatever the gain, and is damped by
-lookahead_time sqrt(gain) / 2. With nothing fitted it gives what was measured and reported: 30 ms beside the transport
-at .03 s [UR-lag]; overshoot at .03 s and 300, the settings of an early driver, where the damping is .26 [UR-overshoot];
-calm motion at .03 s and 2000, those of its successor (.67), and at the manual's own .1 s and 300 (.87).
+lookahead_time sqrt(gain) / 2. With nothing fitted it gives what was measured and reported: 30 ms
+beside the transport at .03 s [UR-lag]; overshoot at .03 s and 300, the settings of an early driver,
+where the damping is .26 [UR-overshoot]; calm motion at .03 s and 2000, those of its successor
+(.67), and at the manual's own .1 s and 300 (.87).
 """
 
 from collections import deque
@@ -37,13 +38,15 @@ class ServoConfig:
     """How the controller follows joint targets; the same two numbers as servoj takes."""
 
     lag: bool = True
-    """Whether it follows as servoj does; False for a servo that is at its target one period later."""
+    """Whether it follows as servoj does; False for a servo that is at its target one period
+    later."""
     lookahead_time: float = 0.03
     """Time by which the joint's position is projected ahead [s]: longer is smoother and later."""
     gain: float = 2000.0
     """Proportional gain of the way to the target [1/s^2]: lower is later, and less damped."""
     transport: float = 0.006
-    """From the sending of a target to the first sample that shows its effect [s]; 2 or 3 periods on a robot."""
+    """From the sending of a target to the first sample that shows its effect [s]; 2 or 3 periods on
+    a robot."""
 
     def __post_init__(self) -> None:
         for name, (least, most) in (
@@ -53,10 +56,13 @@ class ServoConfig:
         ):
             value = getattr(self, name)
             if not least <= value <= most:
-                raise ConfigError(f"servo.{name} must lie in {least:g} .. {most:g}, got {value}", value)
+                raise ConfigError(
+                    f"servo.{name} must lie in {least:g} .. {most:g}, got {value}", value
+                )
         if abs(self.transport / PERIOD - round(self.transport / PERIOD)) > 1e-6:
             raise ConfigError(
-                f"servo.transport must be a multiple of the control period of {PERIOD} s, got {self.transport} s",
+                f"servo.transport must be a multiple of the control period of {PERIOD} s, got "
+                f"{self.transport} s",
                 self.transport,
             )
 

@@ -1,11 +1,13 @@
 """The UR5e from its published numbers.
 
-Masses and centres of mass: [UR-DH]. Inertia tensors: [UR-inertia]. Torque and speed limits: [UR-limits]. Viscous
-friction of the joints, and the inertia of rotor and gear behind it: [Clochiatti], at second hand; that inertia is known
-for the three large joints, and scaled to the wrist's by torque to the power of 1.24. Where the axes lie comes from
-`breastscan.geometry`, for the arm of the drawing or another.
+Masses and centres of mass: [UR-DH]. Inertia tensors: [UR-inertia]. Torque and speed limits:
+[UR-limits]. Viscous friction of the joints, and the inertia of rotor and gear behind it:
+[Clochiatti], at second hand; that inertia is known for the three large joints, and scaled to the
+wrist's by torque to the power of 1.24. Where the axes lie comes from `breastscan.geometry`, for the
+arm of the drawing or another.
 
-Dry friction is not published: a real drive compensates most of it, and what is left here is chosen, 1 % of the torque.
+Dry friction is not published: a real drive compensates most of it, and what is left here is chosen,
+1 % of the torque.
 """
 
 from dataclasses import dataclass
@@ -91,8 +93,8 @@ def add_arm(root: Element, arm: KinematicCalibration | None = None) -> Element:
 
     Args:
         root: The description.
-        arm: Where its axes and its flange lie; None for the arm of the drawing. What a link weighs stays in its place
-            beside the joint's axis, and so does what is seen of it.
+        arm: Where its axes and its flange lie; None for the arm of the drawing. What a link weighs
+            stays in its place beside the joint's axis, and so does what is seen of it.
 
     Returns:
         The body of the tool flange, whose frame is F.
@@ -109,8 +111,12 @@ def add_arm(root: Element, arm: KinematicCalibration | None = None) -> Element:
 
 
 def link_pose(number: int) -> Float[np.ndarray, "4 4"]:
-    """DH frame 1 to 6 in the frame that turns with its joint: along z by d, along x by a, about x by alpha."""
-    twist, length, offset = DH_ALPHA[number - 1], DH_A[number - 1], DH_D[number - 1]
+    """DH frame 1 to 6 in the frame that turns with its joint: along z by d, along x by a, about
+    x by alpha.
+    """
+    twist = DH_ALPHA[number - 1]
+    length = DH_A[number - 1]
+    offset = DH_D[number - 1]
     return se3.from_rotation_vector(np.array([twist, 0.0, 0.0]), np.array([length, 0.0, offset]))
 
 
@@ -129,7 +135,14 @@ def _add_link(body: Element, number: int, joint: Joint) -> None:
     )  # fmt: skip
     _add_shapes(body, f"link{number}", link_shapes(number))
     for k, (start, end, radius) in enumerate(link_capsules(number)):
-        add_collision(body, f"link{number}_hull{k}", of_arm=True, type="capsule", fromto=(*start, *end), size=(radius,))
+        add_collision(
+            body,
+            f"link{number}_hull{k}",
+            of_arm=True,
+            type="capsule",
+            fromto=(*start, *end),
+            size=(radius,),
+        )
 
 
 def _tensor(joint: Joint) -> Float[np.ndarray, "3 3"]:
@@ -144,5 +157,9 @@ def _add_shapes(body: Element, name: str, shapes: dict) -> None:
 
 def _add_drive(root: Element, number: int, joint: Joint) -> None:
     """Position and velocity actuators in a pair, which `sim.arm.drives` commands."""
-    root.actuator.add("position", name=f"position{number}", joint=f"joint{number}", kp=joint.stiffness)
-    root.actuator.add("velocity", name=f"velocity{number}", joint=f"joint{number}", kv=joint.damping)
+    root.actuator.add(
+        "position", name=f"position{number}", joint=f"joint{number}", kp=joint.stiffness
+    )
+    root.actuator.add(
+        "velocity", name=f"velocity{number}", joint=f"joint{number}", kv=joint.damping
+    )

@@ -1,12 +1,25 @@
 """What the UR5e's links look like: turned housings, conical tubes, blue lids and dark seals.
 
-Each link is drawn in the frame that turns with its joint: z along the joint's axis, origin on the DH frame
-before it. Measures are read off the arm's outline; they carry no mechanics.
+Each link is drawn in the frame that turns with its joint: z along the joint's axis, origin on the
+DH frame before it. Measures are read off the arm's outline; they carry no mechanics.
 """
 
 import trimesh
 
-from sim.room.shapes import MINUS_X, MINUS_Y, MINUS_Z, Point, Y, Z, along, barrel, cap, joined, lathe, tube
+from sim.room.shapes import (
+    MINUS_X,
+    MINUS_Y,
+    MINUS_Z,
+    Point,
+    Y,
+    Z,
+    along,
+    barrel,
+    cap,
+    joined,
+    lathe,
+    tube,
+)
 
 Shapes = dict[str, trimesh.Trimesh]
 Capsule = tuple[Point, Point, float]
@@ -22,8 +35,12 @@ MATERIALS = {
 SHOULDER_HEIGHT = 0.1625
 UPPER_ARM_LENGTH, UPPER_ARM_OFFSET = 0.425, 0.138
 FOREARM_LENGTH, FOREARM_OFFSET = 0.3922, 0.007
-WRIST_1, WRIST_2, WRIST_3 = 0.1333, 0.0997, 0.0996
-LARGE, MEDIUM, SMALL = 0.060, 0.054, 0.0455
+WRIST_1 = 0.1333
+WRIST_2 = 0.0997
+WRIST_3 = 0.0996
+LARGE = 0.060
+MEDIUM = 0.054
+SMALL = 0.0455
 """Radii of the three joint sizes [m]."""
 SEAL = 0.006
 """Width of the dark gap between two links [m]."""
@@ -33,10 +50,16 @@ GROOVE = 0.002
 
 def base_shapes() -> Shapes:
     """The foot that is bolted to the table."""
-    foot = lathe([(0.0, 0.0), (0.0755, 0.0), (0.0755, 0.010), (0.0725, 0.013), (0.0725, 0.016), (0.0, 0.016)])
+    foot = lathe(
+        [(0.0, 0.0), (0.0755, 0.0), (0.0755, 0.010), (0.0725, 0.013), (0.0725, 0.016), (0.0, 0.016)]
+    )
     column = along(barrel(0.0715, 0.076), Z, (0.0, 0.0, 0.014))
     connector = along(barrel(0.016, 0.022, 0.002), MINUS_X, (-0.062, 0.0, 0.040))
-    return {"metal": foot, "shell": column, "seal": joined(_seal(0.0715, (0.0, 0.0, 0.089), Z), connector)}
+    return {
+        "metal": foot,
+        "shell": column,
+        "seal": joined(_seal(0.0715, (0.0, 0.0, 0.089), Z), connector),
+    }
 
 
 def link_shapes(number: int) -> Shapes:
@@ -120,7 +143,9 @@ def _forearm() -> Shapes:
 
 
 def _wrist(length: float, side: Point) -> Shapes:
-    """A wrist joint: a housing along its own axis, a lid on its end, and the seat of the next joint on one side."""
+    """A wrist joint: a housing along its own axis, a lid on its end, and the seat of the next
+    joint on one side.
+    """
     seat = tuple(0.047 * component for component in side)
     body = along(barrel(SMALL, length + 0.042 - 0.054, 0.007), Z, (0.0, 0.0, 0.054))
     neck = along(barrel(SMALL - 0.001, 0.047, 0.004), side, (0.0, 0.0, length))

@@ -23,7 +23,8 @@ BACKING = 0.004
 ROD_RADIUS = 0.008
 """[m]"""
 X_FBOARD = se3.pose(np.eye(3), np.array([-0.275, -0.05, 0.12]))
-"""The held board in the flange: beside the probe, its face turned back along the arm, up when the flange looks down."""
+"""The held board in the flange: beside the probe, its face turned back along the arm, up when the
+flange looks down."""
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 """Successive multiples of this spread evenly over the circle [rad]."""
 COLOURS = {
@@ -36,8 +37,8 @@ COLOURS = {
 class BoardScene(Scene):
     """A scene with a board in it, for `sim.cameras.camera.SimStereoCamera` to see.
 
-    A board's frame has its origin in the first inner corner, x along a row of corners, y along a column and z into the
-    board, away from who looks at it.
+    A board's frame has its origin in the first inner corner, x along a row of corners, y along a
+    column and z into the board, away from who looks at it.
     """
 
     def __init__(self, config: SceneConfig, board: Board, *, held: bool) -> None:
@@ -46,7 +47,8 @@ class BoardScene(Scene):
         Args:
             config: Cameras, their noise, and everything else that stands around.
             board: The board.
-            held: Whether the flange holds the board at `X_FBOARD`; else `place_board` says where it floats.
+            held: Whether the flange holds the board at `X_FBOARD`; else `place_board` says where it
+                floats.
         """
         super().__init__(config)
         self._board = board
@@ -55,7 +57,10 @@ class BoardScene(Scene):
     def place_board(self, X_BBoard: Float[np.ndarray, "4 4"]) -> None:
         """Float the board at this pose from the next picture on."""
         body = self.pictures.body("board")
-        body.pos, body.quat = X_BBoard[:3, 3], Rotation.from_matrix(X_BBoard[:3, :3]).as_quat(scalar_first=True)
+        body.pos, body.quat = (
+            X_BBoard[:3, 3],
+            Rotation.from_matrix(X_BBoard[:3, :3]).as_quat(scalar_first=True),
+        )
 
     def errors_of(self, rig: StereoRig) -> dict[str, float]:
         """How far an estimated rig is from the scene's own."""
@@ -64,7 +69,8 @@ class BoardScene(Scene):
     def _describe(self, *, with_skin: bool) -> Element:
         root = super()._describe(with_skin=False)
         if with_skin:
-            root.find("light", "key").castshadow = False  # who calibrates keeps shadow edges off the board
+            # who calibrates keeps shadow edges off the board
+            root.find("light", "key").castshadow = False
             parent = root.find("body", "flange") if self._held else root.worldbody
             _add_board(parent, self._board, held=self._held)
         return root
@@ -76,29 +82,42 @@ def _add_board(parent: Element, board: Board, *, held: bool) -> None:
     body = parent.add("body", name="board", **placed(X_FBOARD))
     cells = _cells(board)
     for colour, black in (("board_black", True), ("board_white", False)):
-        add_visual(body, colour, _print(board, [cell for cell, is_black in cells.items() if is_black == black]), colour)
+        add_visual(
+            body,
+            colour,
+            _print(board, [cell for cell, is_black in cells.items() if is_black == black]),
+            colour,
+        )
     add_visual(body, "board_back", _backing(board), "board_back")
     if held:
         add_visual(body, "board_bracket", _bracket(board), "board_back")
 
 
 def _cells(board: Board) -> dict[tuple[int, int], bool]:
-    """Column and row of every square of print and rim, counted from the first inner corner, and whether it is black."""
+    """Column and row of every square of print and rim, counted from the first inner corner, and
+    whether it is black.
+    """
     columns = range(-1 - MARGIN_SQUARES, board.columns + MARGIN_SQUARES)
     rows = range(-1 - MARGIN_SQUARES, board.rows + MARGIN_SQUARES)
     return {
-        (column, row): -1 <= column < board.columns and -1 <= row < board.rows and (column + row) % 2 == 0
+        (column, row): -1 <= column < board.columns
+        and -1 <= row < board.rows
+        and (column + row) % 2 == 0
         for column in columns
         for row in rows
     }
 
 
 def _print(board: Board, cells: list[tuple[int, int]]) -> trimesh.Trimesh:
-    """Flat squares that share their corners: neighbours of both colours leave neither gap nor overlap."""
+    """Flat squares that share their corners: neighbours of both colours leave neither gap nor
+    overlap.
+    """
     corners = np.array([(0, 0), (0, 1), (1, 1), (1, 0)])
     flat = board.square * (np.array(cells)[:, None] + corners).reshape(-1, 2)
     triangles = np.array([(0, 1, 2), (0, 2, 3)]) + 4 * np.arange(len(cells))[:, None, None]
-    return trimesh.Trimesh(np.column_stack([flat, np.zeros(len(flat))]), triangles.reshape(-1, 3), process=False)
+    return trimesh.Trimesh(
+        np.column_stack([flat, np.zeros(len(flat))]), triangles.reshape(-1, 3), process=False
+    )
 
 
 def _backing(board: Board) -> trimesh.Trimesh:
@@ -113,12 +132,18 @@ def _bracket(board: Board) -> trimesh.Trimesh:
     x, y, _ = board.centre
     axis_x, behind = -X_FBOARD[0, 3], BACKING + ROD_RADIUS
     rod = along(barrel(ROD_RADIUS, axis_x - x, 0.001), (1.0, 0.0, 0.0), (x, y, behind))
-    post = along(barrel(ROD_RADIUS, X_FBOARD[2, 3] + behind, 0.001), (0.0, 0.0, -1.0), (axis_x, y, behind))
+    post = along(
+        barrel(ROD_RADIUS, X_FBOARD[2, 3] + behind, 0.001), (0.0, 0.0, -1.0), (axis_x, y, behind)
+    )
     return joined(rod, post)
 
 
-def tilted(number: int, tilt_deg: tuple[float, float], rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
-    """A tilt about an axis that goes round from shot to shot, after a small turn about the line of sight."""
+def tilted(
+    number: int, tilt_deg: tuple[float, float], rng: np.random.Generator
+) -> Float[np.ndarray, "4 4"]:
+    """A tilt about an axis that goes round from shot to shot, after a small turn about the line
+    of sight.
+    """
     axis = number * GOLDEN_ANGLE
     tilt = np.radians(rng.uniform(*tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
     spin = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])

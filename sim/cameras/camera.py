@@ -20,7 +20,8 @@ class SimStereoCamera:
 
         Args:
             scene: What they see.
-            robot: Whose arm stands in the scene and presses the skin; without one, the arm is parked.
+            robot: Whose arm stands in the scene and presses the skin; without one, the arm is
+                parked.
             binning: Pixels read out as one, each way: small images, drawn quickly.
 
         Raises:
@@ -33,7 +34,12 @@ class SimStereoCamera:
         full = canvases(scene.rig, config.supersampling)
         drawn = {side: binned(canvas, binning) for side, canvas in full.items()}
         self._lenses = {
-            side: Lens(binned(getattr(scene.rig, side), binning), canvas, config.supersampling, config.errors)
+            side: Lens(
+                binned(getattr(scene.rig, side), binning),
+                canvas,
+                config.supersampling,
+                config.errors,
+            )
             for side, canvas in drawn.items()
         }
         self._picture = Picture(scene, drawn["left"].width, drawn["left"].height)
@@ -45,14 +51,18 @@ class SimStereoCamera:
         left, right = (expose(np.mean(light, axis=0), self._config, self._rng) for light in views)
         return StereoPair(left=left, right=right, time=time)
 
-    def _light(self, moment: float) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h2 w2"]]:
+    def _light(
+        self, moment: float
+    ) -> tuple[Float32[np.ndarray, "h w"], Float32[np.ndarray, "h2 w2"]]:
         """Light on the left and the right sensor at `moment` [s] from now."""
         if self._robot is None:
             self._picture.arrange(HOME_Q)
         else:
             q, skin_S, time = self._robot.snapshot()
             self._picture.arrange(q + moment * self._robot.state().qd, skin_S, time + moment)
-        left, right = (self._lenses[side].bend(self._picture.draw(side)) for side in ("left", "right"))
+        left, right = (
+            self._lenses[side].bend(self._picture.draw(side)) for side in ("left", "right")
+        )
         return left, right
 
     def close(self) -> None:
@@ -61,6 +71,10 @@ class SimStereoCamera:
 
 
 def _moments(config: CameraConfig) -> Float[np.ndarray, "n"]:
-    """When the pictures of one exposure, which ends now, are drawn [s]: now for one, else evenly over it."""
+    """When the pictures of one exposure, which ends now, are drawn [s]: now for one, else evenly
+    over it.
+    """
     count = config.motion_samples
-    return config.exposure_time * ((np.arange(count) + 0.5) / count - 1) if count > 1 else np.zeros(1)
+    return (
+        config.exposure_time * ((np.arange(count) + 0.5) / count - 1) if count > 1 else np.zeros(1)
+    )

@@ -2,8 +2,9 @@
 # (MuJoCo's compiled modules carry no types)
 """MuJoCo's physically based renderer: soft light and contact shadows, for stills and films.
 
-It needs Vulkan; without a graphics card Mesa's lavapipe serves, at about half a second a picture. What it draws is for
-people: light and tone are not those that the simulated cameras are calibrated to.
+It needs Vulkan; without a graphics card Mesa's lavapipe serves, at about half a second a picture.
+What it draws is for people: light and tone are not those that the simulated cameras are calibrated
+to.
 """
 
 import ctypes.util
@@ -29,15 +30,21 @@ mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKA
 
 @cache
 def unusable() -> str | None:
-    """Why this renderer cannot be used here; None where it can. A child process asks, since drivers may end theirs."""
+    """Why this renderer cannot be used here; None where it can. A child process asks, since
+    drivers may end theirs.
+    """
     if ctypes.util.find_library("vulkan") is None:
         return f"there is no Vulkan (on Debian and Ubuntu: apt-get install {PACKAGES})"
     try:
-        child = subprocess.run([sys.executable, "-c", PROBE], capture_output=True, text=True, timeout=PROBE_TIME)
+        child = subprocess.run(
+            [sys.executable, "-c", PROBE], capture_output=True, text=True, timeout=PROBE_TIME
+        )
     except subprocess.TimeoutExpired:
         return f"Vulkan does not answer within {PROBE_TIME} s"
     if child.returncode != 0:
-        last = (child.stderr.strip() or child.stdout.strip() or f"exit status {child.returncode}").splitlines()[-1]
+        last = (
+            child.stderr.strip() or child.stdout.strip() or f"exit status {child.returncode}"
+        ).splitlines()[-1]
         return f"Vulkan does not work ({last}; on Debian and Ubuntu: apt-get install {PACKAGES})"
     return None
 
@@ -50,7 +57,9 @@ class FilamentCanvas:
         from mujoco import mjrf
 
         self._mjrf, self._model = mjrf, model
-        self._context = mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))
+        self._context = mjrf.Context(
+            mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN)
+        )
         self._resources = mjrf.ModelResources(self._context, model)
         self._scene = self._context.create_scene(mjrf.SceneParams())
         self._scene.configure_from_model(model)
@@ -81,9 +90,14 @@ class FilamentCanvas:
     def _camera(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> object:
         view = mujoco.mjv_camera2GLCamera(self._model, data, camera)
         return self._mjrf.Camera(
-            pos=view.pos, forward=view.forward, up=view.up, frustum_bottom=view.frustum_bottom,
-            frustum_top=view.frustum_top, frustum_near=view.frustum_near, frustum_far=view.frustum_far,
-        )  # fmt: skip
+            pos=view.pos,
+            forward=view.forward,
+            up=view.up,
+            frustum_bottom=view.frustum_bottom,
+            frustum_top=view.frustum_top,
+            frustum_near=view.frustum_near,
+            frustum_far=view.frustum_far,
+        )
 
     def close(self) -> None:
         """Give the graphics memory back, what was made last first."""

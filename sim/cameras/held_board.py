@@ -1,4 +1,5 @@
-"""A board that the twin's arm shows to the twin's cameras from all sides: pictures for a hand-eye calibration.
+"""A board that the twin's arm shows to the twin's cameras from all sides: pictures for a hand-eye
+calibration.
 
 What the arm states of its poses is disturbed as a real arm's repeatability would.
 """
@@ -55,13 +56,17 @@ class PoseConfig:
         if self.poses < 1:
             raise ConfigError(f"the number of poses must be positive, got {self.poses}", self.poses)
         if not 0 <= self.tilt_deg[0] <= self.tilt_deg[1] <= 45:
-            raise ConfigError(f"tilt_deg must rise within 0 .. 45, got {self.tilt_deg}", self.tilt_deg)
+            raise ConfigError(
+                f"tilt_deg must rise within 0 .. 45, got {self.tilt_deg}", self.tilt_deg
+            )
         if not (self.position_noise >= 0 and self.rotation_noise_deg >= 0):
             raise ConfigError("position_noise and rotation_noise_deg must not be negative", self)
 
 
 class HeldBoard:
-    """The pictures of a board that the arm holds, what it states of its flange at each, and the scene of them."""
+    """The pictures of a board that the arm holds, what it states of its flange at each, and the
+    scene of them.
+    """
 
     def __init__(self, board: Board, seed: int, config: PoseConfig | None = None) -> None:
         """Draw the poses; `seed` is theirs, of the arm's errors and of the cameras' noise."""
@@ -78,13 +83,19 @@ class HeldBoard:
             for number, target in enumerate(self._q):
                 robot.move_joint(target, JOINT_SPEED, JOINT_ACCELERATION)
                 pair = camera.capture()
-                yield f"{number:02d}", pair, _disturbed(kinematics.forward(robot.state().q), self._config, self._rng)
+                yield (
+                    f"{number:02d}",
+                    pair,
+                    _disturbed(kinematics.forward(robot.state().q), self._config, self._rng),
+                )
 
 
 def joint_poses(
     scene: BoardScene, board: Board, config: PoseConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 6"]:
-    """Joint angles [rad] that show the whole board to both cameras, tilted about ever new axes, near one another."""
+    """Joint angles [rad] that show the whole board to both cameras, tilted about ever new axes,
+    near one another.
+    """
     clearance, poses = Clearance(cell_of(scene)), [HOME_Q]
     for number in range(config.poses):
         poses.append(_joint_pose(scene, clearance, board, config, number, poses[-1], rng))
@@ -111,7 +122,10 @@ def _joint_pose(
             q_near = q_before + _wrapped(q - q_before)
             if np.abs(q_near).max() < 2 * np.pi and clearance.closest(q_near).distance > CLEARANCE:
                 return q_near
-    raise ConfigError(f"the arm cannot show the board about {config.place}: place it nearer to the cameras", config)
+    raise ConfigError(
+        f"the arm cannot show the board about {config.place}: place it nearer to the cameras",
+        config,
+    )
 
 
 def _wrapped(angles: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:

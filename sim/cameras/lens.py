@@ -1,7 +1,7 @@
 """From an ideal pinhole picture to the light on a real camera's sensor: distortion, shading, blur.
 
-MuJoCo draws pinholes. So an undistorted canvas is drawn that reaches as far as the lens sees, with more pixels than
-needed against aliasing, and resampled through the inverse of the lens distortion.
+MuJoCo draws pinholes. So an undistorted canvas is drawn that reaches as far as the lens sees, with
+more pixels than needed against aliasing, and resampled through the inverse of the lens distortion.
 """
 
 import cv2
@@ -17,23 +17,29 @@ X_CAMERA_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 """MuJoCo's camera (y up, looking along -z) in OpenCV's (y down, looking along +z)."""
 UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 FIELD_SHARE = 0.99
-"""Share of the polynomial's turning radius that is used: closer to it, its inverse is too steep to compute."""
+"""Share of the polynomial's turning radius that is used: closer to it, its inverse is too steep to
+compute."""
 OUTSIDE_PX = -1000.0
 INTERPOLATION_MARGIN = 5
 """Canvas beyond the outermost ray [px]: Lanczos interpolation takes four pixels to each side."""
 CANVAS_STEP = 8
-"""The canvas' size and origin are multiples of this [px], so that it can be binned as the image is."""
+"""The canvas' size and origin are multiples of this [px], so that it can be binned as the image
+is."""
 
 
 def canvases(rig: StereoRig, supersampling: int) -> dict[str, Intrinsics]:
-    """The ideal pinholes to draw for the cameras `left` and `right`: each reaches as far as its lens sees.
+    """The ideal pinholes to draw for the cameras `left` and `right`: each reaches as far as its
+    lens sees.
 
-    Both are of one size, `supersampling` times finer than the images, without distortion, along the same optical axes.
+    Both are of one size, `supersampling` times finer than the images, without distortion, along the
+    same optical axes.
     """
     seen = {"left": _seen(rig.left), "right": _seen(rig.right)}
     width, height = np.max([size for _, size in seen.values()], axis=0)
     return {
-        side: _resampled(_moved(getattr(rig, side), origin, int(width), int(height)), supersampling, 1)
+        side: _resampled(
+            _moved(getattr(rig, side), origin, int(width), int(height)), supersampling, 1
+        )
         for side, (origin, _) in seen.items()
     }
 
@@ -59,7 +65,9 @@ def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[s
 
 
 def pixel_rays(camera: Intrinsics) -> Float[np.ndarray, "n 3"]:
-    """Directions (x, y, 1) in the camera's frame of what its pixels look at, row by row; NaN where no ray arrives."""
+    """Directions (x, y, 1) in the camera's frame of what its pixels look at, row by row; NaN
+    where no ray arrives.
+    """
     pixels = _pixels(camera)
     rays = np.column_stack([_undistorted(camera, pixels, np.eye(3)), np.ones(len(pixels))])
     rays[_off_axis(camera, pixels) > _field_stop(camera)] = np.nan
@@ -69,32 +77,42 @@ def pixel_rays(camera: Intrinsics) -> Float[np.ndarray, "n 3"]:
 class Lens:
     """Turns a drawn canvas into the light on the camera's sensor."""
 
-    def __init__(self, camera: Intrinsics, canvas: Intrinsics, supersampling: int, errors: CameraErrors) -> None:
-        """Prepare the lens of `camera`; `canvas` is drawn `supersampling` times finer than the camera's pixels."""
+    def __init__(
+        self, camera: Intrinsics, canvas: Intrinsics, supersampling: int, errors: CameraErrors
+    ) -> None:
+        """Prepare the lens of `camera`; `canvas` is drawn `supersampling` times finer than the
+        camera's pixels.
+        """
         self._supersampling = supersampling
         self._blur_px = errors.blur_px
         reduced = binned(canvas, supersampling)
         positions = _canvas_positions(camera, reduced)
         self._map_x, self._map_y = positions[..., 0].copy(), positions[..., 1].copy()
         rays = (positions - reduced.K[:2, 2]) / reduced.K[[0, 1], [0, 1]]
-        self._shading = (1 + (rays**2).sum(axis=2)).astype(np.float32) ** np.float32(-errors.vignetting / 2)
+        self._shading = (1 + (rays**2).sum(axis=2)).astype(np.float32) ** np.float32(
+            -errors.vignetting / 2
+        )
 
     def bend(self, drawn: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "h2 w2"]:
         """Light on the sensor [grey levels, not rounded]."""
         grey = cv2.cvtColor(drawn, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        if self._blur_px > 0:  # on the fine canvas: half a pixel is too narrow for a Gaussian of whole pixels
+        # on the fine canvas: half a pixel is too narrow for a Gaussian of whole pixels
+        if self._blur_px > 0:
             grey = cv2.GaussianBlur(grey, (0, 0), self._blur_px * self._supersampling)
         share = 1 / self._supersampling
         reduced = cv2.resize(grey, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
-        light = cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(np.float32, copy=False)
+        light = cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(
+            np.float32, copy=False
+        )
         return light * self._shading
 
 
 def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
-    """Origin and size [px] of the rectangle in the ideal image plane of `camera` that its pixels look at.
+    """Origin and size [px] of the rectangle in the ideal image plane of `camera` that its pixels
+    look at.
 
-    The distortion grows with the radius, so the outermost rays are those of the image's rim, or of the field stop where
-    the rim lies beyond it.
+    The distortion grows with the radius, so the outermost rays are those of the image's rim, or of
+    the field stop where the rim lies beyond it.
     """
     pixels = _pixels(camera)
     rim = pixels[((pixels == 0) | (pixels == (camera.width - 1, camera.height - 1))).any(axis=1)]
@@ -112,15 +130,21 @@ def _pixels(camera: Intrinsics) -> Float[np.ndarray, "n 2"]:
     return np.indices((camera.height, camera.width), float)[::-1].reshape(2, -1).T.copy()
 
 
-def _moved(camera: Intrinsics, origin: Float[np.ndarray, "2"], width: int, height: int) -> Intrinsics:
-    """An ideal pinhole along the camera's axis whose image starts at `origin` of the camera's [px]."""
+def _moved(
+    camera: Intrinsics, origin: Float[np.ndarray, "2"], width: int, height: int
+) -> Intrinsics:
+    """An ideal pinhole along the camera's axis whose image starts at `origin` of the camera's
+    [px].
+    """
     K = camera.K.copy()
     K[:2, 2] -= origin
     return Intrinsics(K=K, distortion=np.zeros(5), width=width, height=height)
 
 
 def _resampled(camera: Intrinsics, up: int, down: int) -> Intrinsics:
-    """The same view with every pixel divided into `up` x `up`, and `down` x `down` of these read out as one."""
+    """The same view with every pixel divided into `up` x `up`, and `down` x `down` of these read
+    out as one.
+    """
     K = camera.K.copy()
     K[:2, 2] += 0.5
     K[:2] *= up
@@ -130,13 +154,19 @@ def _resampled(camera: Intrinsics, up: int, down: int) -> Intrinsics:
     return Intrinsics(K=K, distortion=camera.distortion, width=width, height=height)
 
 
-def _undistorted(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"], K: np.ndarray) -> Float[np.ndarray, "n 2"]:
+def _undistorted(
+    camera: Intrinsics, pixels: Float[np.ndarray, "n 2"], K: np.ndarray
+) -> Float[np.ndarray, "n 2"]:
     """Where the rays of the camera's `pixels` meet the image of the ideal pinhole `K` [px]."""
-    return cv2.undistortPointsIter(pixels[:, None], camera.K, camera.distortion, np.eye(3), K, UNDISTORT_UNTIL)[:, 0]
+    return cv2.undistortPointsIter(
+        pixels[:, None], camera.K, camera.distortion, np.eye(3), K, UNDISTORT_UNTIL
+    )[:, 0]
 
 
 def _canvas_positions(camera: Intrinsics, pinhole: Intrinsics) -> Float32[np.ndarray, "h w 2"]:
-    """Where on the canvas [px] each pixel of the camera's image looks; far outside where the lens lets no ray in."""
+    """Where on the canvas [px] each pixel of the camera's image looks; far outside where the
+    lens lets no ray in.
+    """
     pixels = _pixels(camera)
     positions = _undistorted(camera, pixels, pinhole.K)
     positions[_off_axis(camera, pixels) > _field_stop(camera)] = OUTSIDE_PX
@@ -151,8 +181,8 @@ def _off_axis(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"]) -> Float[np.
 def _field_stop(camera: Intrinsics) -> float:
     """Distorted radius [focal lengths] beyond which no ray arrives.
 
-    A distortion polynomial with falling high orders turns back at some radius: pixels farther out, in the extreme
-    corners of some lenses, have no ray and stay dark.
+    A distortion polynomial with falling high orders turns back at some radius: pixels farther out,
+    in the extreme corners of some lenses, have no ray and stay dark.
     """
     k1, k2, _, _, k3 = camera.distortion
     turns = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
@@ -160,4 +190,6 @@ def _field_stop(camera: Intrinsics) -> float:
     if len(squares) == 0:
         return np.inf
     square = squares.min()
-    return float(FIELD_SHARE * np.sqrt(square) * (1 + k1 * square + k2 * square**2 + k3 * square**3))
+    return float(
+        FIELD_SHARE * np.sqrt(square) * (1 + k1 * square + k2 * square**2 + k3 * square**3)
+    )

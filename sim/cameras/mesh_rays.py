@@ -1,4 +1,6 @@
-"""The first triangle that each ray of a camera meets: rasterised, then solved exactly on the triangles' planes."""
+"""The first triangle that each ray of a camera meets: rasterised, then solved exactly on the
+triangles' planes.
+"""
 
 from typing import no_type_check
 
@@ -8,13 +10,15 @@ import numpy as np
 CELLS = 256
 """Cells across the picture of the triangles into which they are sorted."""
 INSIDE = -1e-9
-"""Barycentric coordinate from which a ray belongs to a triangle: rays along an edge belong to both [-]."""
+"""Barycentric coordinate from which a ray belongs to a triangle: rays along an edge belong to both
+[-]."""
 
 
 @numba.njit(cache=True)
 @no_type_check
 def first_hits(corners_C, rays_C):
-    """Depth z of the first triangle on each ray, the triangle, and the ray's barycentric coordinates on it.
+    """Depth z of the first triangle on each ray, the triangle, and the ray's barycentric
+    coordinates on it.
 
     Args:
         corners_C: [m, 3, 3] triangles' corners in the camera's frame, all in front of it [m].
@@ -37,20 +41,26 @@ def first_hits(corners_C, rays_C):
         x, y = rays_C[i, 0], rays_C[i, 1]
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
             continue
-        cell = CELLS * min(int((y - low[1]) * scale[1]), CELLS - 1) + min(int((x - low[0]) * scale[0]), CELLS - 1)
+        cell = CELLS * min(int((y - low[1]) * scale[1]), CELLS - 1) + min(
+            int((x - low[0]) * scale[0]), CELLS - 1
+        )
         for place in range(first[cell], first[cell + 1]):
             t = members[place]
             z, a, b, c = _meet(corners_C[t], x, y)
             if min(a, b, c) >= INSIDE and not z >= depth[i]:
                 depth[i], hit[i] = z, t
-                weights[i, 0], weights[i, 1], weights[i, 2] = a, b, c
+                weights[i, 0] = a
+                weights[i, 1] = b
+                weights[i, 2] = c
     return depth, hit, weights
 
 
 @numba.njit(cache=True)
 @no_type_check
 def _sorted(corners_C, low, scale):
-    """The triangles by the cells that their bounding boxes cover: where each cell's start, and all of them in turn."""
+    """The triangles by the cells that their bounding boxes cover: where each cell's start, and
+    all of them in turn.
+    """
     boxes = np.empty((len(corners_C), 4), np.int64)
     first = np.zeros(CELLS * CELLS + 1, np.int64)
     for t in range(len(corners_C)):
@@ -73,16 +83,28 @@ def _sorted(corners_C, low, scale):
 @numba.njit(cache=True)
 @no_type_check
 def _meet(corners, x, y):
-    """Depth at which the ray (x, y, 1) meets a triangle's plane, and its barycentric coordinates there."""
-    ax, ay, az = corners[0, 0], corners[0, 1], corners[0, 2]
-    ux, uy, uz = corners[1, 0] - ax, corners[1, 1] - ay, corners[1, 2] - az
-    vx, vy, vz = corners[2, 0] - ax, corners[2, 1] - ay, corners[2, 2] - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    """Depth at which the ray (x, y, 1) meets a triangle's plane, and its barycentric coordinates
+    there.
+    """
+    ax = corners[0, 0]
+    ay = corners[0, 1]
+    az = corners[0, 2]
+    ux = corners[1, 0] - ax
+    uy = corners[1, 1] - ay
+    uz = corners[1, 2] - az
+    vx = corners[2, 0] - ax
+    vy = corners[2, 1] - ay
+    vz = corners[2, 2] - az
+    nx = uy * vz - uz * vy
+    ny = uz * vx - ux * vz
+    nz = ux * vy - uy * vx
     slope = nx * x + ny * y + nz
     if slope == 0.0:
         return np.nan, -1.0, -1.0, -1.0
     z = (nx * ax + ny * ay + nz * az) / slope
-    px, py, pz = z * x - ax, z * y - ay, z - az
+    px = z * x - ax
+    py = z * y - ay
+    pz = z - az
     squared = nx * nx + ny * ny + nz * nz
     b = (nx * (py * vz - pz * vy) + ny * (pz * vx - px * vz) + nz * (px * vy - py * vx)) / squared
     c = (nx * (uy * pz - uz * py) + ny * (uz * px - ux * pz) + nz * (ux * py - uy * px)) / squared

@@ -17,14 +17,17 @@ from sim.scene import Scene
 class Picture:
     """A canvas of fixed size on which the scene is drawn. Close it."""
 
-    def __init__(self, scene: Scene, width: int, height: int, *, shadows: bool = True, fine: bool = False) -> None:
+    def __init__(
+        self, scene: Scene, width: int, height: int, *, shadows: bool = True, fine: bool = False
+    ) -> None:
         """Open the canvas.
 
         Args:
             scene: What is drawn.
             width: Width [px].
             height: Height [px].
-            shadows: Whether the classic renderer's key light casts shadows; they take half the time.
+            shadows: Whether the classic renderer's key light casts shadows; they take half the
+                time.
             fine: Whether `sim.cameras.filament` draws; it must be usable.
 
         Raises:
@@ -39,13 +42,20 @@ class Picture:
         self._options.sitegroup[:] = 0
         self._options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
         self._canvas = (
-            FilamentCanvas(self._model, width, height) if fine else ClassicCanvas(self._model, width, height, shadows)
+            FilamentCanvas(self._model, width, height)
+            if fine
+            else ClassicCanvas(self._model, width, height, shadows)
         )
 
     def arrange(
-        self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None = None, time: float = 0.0
+        self,
+        q: Float[np.ndarray, "6"],
+        skin_S: Float[np.ndarray, "n 3"] | None = None,
+        time: float = 0.0,
     ) -> None:
-        """Show the instant `time` [s]: the arm at `q` [rad], the skin's vertices at `skin_S` [m] or undeformed."""
+        """Show the instant `time` [s]: the arm at `q` [rad], the skin's vertices at `skin_S` [m]
+        or undeformed.
+        """
         X_BS = self._scene.X_BS_at(time)
         self._data.qpos[self._joints] = q
         self._data.mocap_pos[0] = X_BS[:3, 3]
@@ -55,11 +65,16 @@ class Picture:
 
     def draw(self, camera: str | mujoco.MjvCamera) -> UInt8[np.ndarray, "h w 3"]:
         """RGB picture from a camera of the scene or a free one; valid until the next call."""
-        return self._canvas.draw(self._data, self._fixed(camera) if isinstance(camera, str) else camera, self._options)
+        return self._canvas.draw(
+            self._data, self._fixed(camera) if isinstance(camera, str) else camera, self._options
+        )
 
     def _fixed(self, name: str) -> mujoco.MjvCamera:
         camera = mujoco.MjvCamera()
-        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(name).id
+        camera.type, camera.fixedcamid = (
+            mujoco.mjtCamera.mjCAMERA_FIXED,
+            self._model.camera(name).id,
+        )
         return camera
 
     def close(self) -> None:
@@ -70,8 +85,8 @@ class Picture:
 class ClassicCanvas:
     """MuJoCo's classic renderer, whose light and tone the simulated cameras are set for.
 
-    Edges are jagged: callers draw larger than they need and reduce by area, which is cheaper without a graphics card
-    than the renderer's own smoothing, and smooths textures as well.
+    Edges are jagged: callers draw larger than they need and reduce by area, which is cheaper
+    without a graphics card than the renderer's own smoothing, and smooths textures as well.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int, shadows: bool) -> None:

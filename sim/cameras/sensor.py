@@ -11,7 +11,8 @@ def expose(
 ) -> UInt8[np.ndarray, "h w"]:
     """The 8-bit image of `light` [grey levels of an ideal camera at the reference exposure].
 
-    Poisson's law of the photons is taken as Gaussian: beyond 20 electrons, half a grey level, the two are alike.
+    Poisson's law of the photons is taken as Gaussian: beyond 20 electrons, half a grey level, the
+    two are alike.
     """
     errors = config.errors
     brightness = config.exposure_time / REFERENCE_EXPOSURE

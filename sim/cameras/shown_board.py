@@ -1,6 +1,7 @@
 """A board shown to the twin's cameras as a careful operator would.
 
-It comes everywhere in both images, near, and tilted about changing axes: pictures to calibrate the cameras from.
+It comes everywhere in both images, near, and tilted about changing axes: pictures to calibrate the
+cameras from.
 """
 
 from collections.abc import Iterator
@@ -45,18 +46,28 @@ class ShotConfig:
     """Straight edges of high contrast need finer drawing than skin."""
 
     def __post_init__(self) -> None:
-        for name, (low, high), limit in (("distance", self.distance, 0.6), ("tilt_deg", self.tilt_deg, 60.0)):
+        for name, (low, high), limit in (
+            ("distance", self.distance, 0.6),
+            ("tilt_deg", self.tilt_deg, 60.0),
+        ):
             if not 0 < low < high <= limit:
-                raise ConfigError(f"{name} must rise within 0 .. {limit}, got {low} .. {high}", getattr(self, name))
+                raise ConfigError(
+                    f"{name} must rise within 0 .. {limit}, got {low} .. {high}",
+                    getattr(self, name),
+                )
         if self.shots < 1:
             raise ConfigError(f"the number of shots must be positive, got {self.shots}", self.shots)
 
 
 class ShownBoard:
-    """The pictures of a board that floats from place to place, and the scene with the cameras that take them."""
+    """The pictures of a board that floats from place to place, and the scene with the cameras
+    that take them.
+    """
 
     def __init__(self, board: Board, seed: int, config: ShotConfig | None = None) -> None:
-        """Draw the poses; `seed` is theirs and of the cameras' noise. Pictures are taken when asked for."""
+        """Draw the poses; `seed` is theirs and of the cameras' noise. Pictures are taken when
+        asked for.
+        """
         config = config or ShotConfig()
         camera = replace(config.camera, seed=seed)
         self.scene = BoardScene(SceneConfig(camera=camera), board, held=False)
@@ -73,8 +84,12 @@ class ShownBoard:
 def board_poses(
     rig: StereoRig, board: Board, config: ShotConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Poses `X_LBoard` all over the images of both cameras, which take turns, about ever new axes of tilt."""
-    return np.array([_board_pose(rig, board, config, number, rng) for number in range(config.shots)])
+    """Poses `X_LBoard` all over the images of both cameras, which take turns, about ever new
+    axes of tilt.
+    """
+    return np.array(
+        [_board_pose(rig, board, config, number, rng) for number in range(config.shots)]
+    )
 
 
 def _board_pose(
@@ -88,12 +103,18 @@ def _board_pose(
     for _ in range(TRIES):
         share = (place + 0.5 + rng.uniform(-JITTER, JITTER, 2)) / (GRID_COLUMNS, GRID_ROWS)
         ray_C = _ray(camera, share * (camera.width, camera.height))
-        X_LM = X_LC @ _facing(ray_C, rng.uniform(*config.distance)) @ tilted(number, config.tilt_deg, rng)
+        X_LM = (
+            X_LC
+            @ _facing(ray_C, rng.uniform(*config.distance))
+            @ tilted(number, config.tilt_deg, rng)
+        )
         X_LBoard = X_LM @ centred(board)
         if seen_by_both(rig, X_LBoard, board):
             return X_LBoard
         place = place + INWARDS * (middle - place)
-    raise ConfigError("the two cameras of this rig see no board in common at these distances", config)
+    raise ConfigError(
+        "the two cameras of this rig see no board in common at these distances", config
+    )
 
 
 def _ray(camera: Intrinsics, pixel: Float[np.ndarray, "2"]) -> Float[np.ndarray, "3"]:

@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the corner."""
+"""The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the
+corner.
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -22,11 +24,15 @@ from sim.tissue.contact import Mechanics
 
 CODEC = "vp09"
 """The one codec that OpenCV's wheel writes and every browser plays."""
-FILM_SUPERSAMPLING, STILL_SUPERSAMPLING, FINE_SUPERSAMPLING = 1.5, 3.0, 1.5
+FILM_SUPERSAMPLING = 1.5
+STILL_SUPERSAMPLING = 3.0
+FINE_SUPERSAMPLING = 1.5
 """Drawn over delivered pixels, each way [-]; the fine renderer smooths edges by itself."""
 INSET_SHARE = 1 / 3
 """Size of the close-up over that of the film [-]."""
-FONT, INK, SHADE = cv2.FONT_HERSHEY_DUPLEX, (245, 245, 245), 0.45
+FONT = cv2.FONT_HERSHEY_DUPLEX
+INK = (245, 245, 245)
+SHADE = 0.45
 MARGIN_PX, STRIP_PX = 14, 36
 
 
@@ -48,7 +54,9 @@ class View:
         camera = mujoco.MjvCamera()
         camera.type = mujoco.mjtCamera.mjCAMERA_FREE
         camera.lookat[:] = self.target_B
-        camera.distance, camera.azimuth, camera.elevation = self.distance, self.azimuth_deg, self.elevation_deg
+        camera.distance = self.distance
+        camera.azimuth = self.azimuth_deg
+        camera.elevation = self.elevation_deg
         return camera
 
 
@@ -118,7 +126,9 @@ def render_still(
     *,
     fine: bool = False,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """One RGB picture of the arm at `q` [rad] with the skin pressed by its probe, finely drawn if `fine`."""
+    """One RGB picture of the arm at `q` [rad] with the skin pressed by its probe, finely drawn
+    if `fine`.
+    """
     skin_S = pressed_skin(scene, tissue, q)
     tissue.reset()
     drawn_px = _scaled(size_px, FINE_SUPERSAMPLING if fine else STILL_SUPERSAMPLING)
@@ -149,7 +159,9 @@ def _frames(
     inset_px = _scaled(frame_px, INSET_SHARE)
     with (
         closing(Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine)) as wide,
-        closing(Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine)) as near,
+        closing(
+            Picture(scene, *_scaled(inset_px, FILM_SUPERSAMPLING), shadows=False, fine=config.fine)
+        ) as near,
     ):
         for row in rows:
             q, time = went.q[row], float(went.t[row])
@@ -164,7 +176,9 @@ def _open_writer(path: Path, config: VideoConfig) -> cv2.VideoWriter:
     code = cv2.VideoWriter.fourcc(*CODEC)
     writer = cv2.VideoWriter(str(path), code, config.fps, (config.width, config.height))
     if not writer.isOpened():
-        raise ConfigError(f"OpenCV cannot write {path}: give a file in a folder that exists, ending in .mp4", path)
+        raise ConfigError(
+            f"OpenCV cannot write {path}: give a file in a folder that exists, ending in .mp4", path
+        )
     return writer
 
 
@@ -181,7 +195,9 @@ def _shoot(
     time: float = 0.0,
 ) -> UInt8[np.ndarray, "h w 3"]:
     picture.arrange(q, skin_S, time)
-    return cv2.resize(picture.draw(view.camera()), size_px, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+    return cv2.resize(picture.draw(view.camera()), size_px, interpolation=cv2.INTER_AREA).astype(
+        np.uint8, copy=False
+    )
 
 
 def _inset(frame: UInt8[np.ndarray, "h w 3"], small: UInt8[np.ndarray, "h2 w2 3"]) -> None:
@@ -192,7 +208,9 @@ def _inset(frame: UInt8[np.ndarray, "h w 3"], small: UInt8[np.ndarray, "h2 w2 3"
     frame[top : top + height, left : left + width] = small
 
 
-def _caption(frame: UInt8[np.ndarray, "h w 3"], time: float, force: float, phase: str, config: VideoConfig) -> None:
+def _caption(
+    frame: UInt8[np.ndarray, "h w 3"], time: float, force: float, phase: str, config: VideoConfig
+) -> None:
     """One line of text on a shaded strip along the bottom."""
     height, width, _ = frame.shape
     strip = frame[height - STRIP_PX :]

@@ -1,4 +1,6 @@
-"""Accepted connections: what comes in is bounded, what goes out never waits, and who does not read is dropped."""
+"""Accepted connections: what comes in is bounded, what goes out never waits, and who does not
+read is dropped.
+"""
 
 import re
 import socket
@@ -8,7 +10,8 @@ from collections.abc import Callable
 from sim.controller.rtde import Connection
 
 CHUNK = 1024
-"""Bytes that are taken from a client at once: a flood of short lines then leaves the others their turn."""
+"""Bytes that are taken from a client at once: a flood of short lines then leaves the others their
+turn."""
 SEND_BUFFER = 131072
 """Bytes that the system keeps for a client that is late."""
 NOT_READING = 10.0
@@ -33,7 +36,9 @@ class Client:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        self.sock, self._gone, self._unsent = sock, gone, b""
+        self.sock = sock
+        self._gone = gone
+        self._unsent = b""
         self._taken_at = time.monotonic()
         """When the client last took something that waited for it."""
         self._opening: bytes | None = b""
@@ -96,7 +101,12 @@ class Client:
         first, end, _ = opening.partition(b"\n")
         is_text = self.rtde is None
         fits = (opening[0] >= PRINTABLE or opening[0] in SPACES) is is_text
-        if not fits or opening.startswith(METHODS) or REQUEST.search(first) or len(first) > LONGEST_LINE:
+        if (
+            not fits
+            or opening.startswith(METHODS)
+            or REQUEST.search(first)
+            or len(first) > LONGEST_LINE
+        ):
             self.close()
         elif is_text and not end:
             self._opening = opening
@@ -106,7 +116,9 @@ class Client:
 
 
 def by_line(client: Client, answer: Callable[[str], str]) -> Callable[[bytes], None]:
-    """Takes bytes, and answers every whole line with another; a line that is too long ends the connection."""
+    """Takes bytes, and answers every whole line with another; a line that is too long ends the
+    connection.
+    """
     rest = b""
 
     def take(data: bytes) -> None:

@@ -9,7 +9,8 @@ import tyro
 from breastscan.errors import ConfigError
 
 Version = Literal["3.15", "5.11", "5.22", "5.25", "10.11"]
-"""Of the controller's software. 10 has no dashboard; 3.15 speaks the protocol and was never that of a UR5e."""
+"""Of the controller's software. 10 has no dashboard; 3.15 speaks the protocol and was never that of
+a UR5e."""
 Clock = Literal["real-time", "lockstep"]
 """What simulated time goes by: the wall clock, and in lockstep the client's answers as well."""
 
@@ -19,9 +20,11 @@ class ControllerConfig:
     """The controller on the network."""
 
     host: str = "127.0.0.1"
-    """Address to listen at; the ports are those of a controller, so a second twin needs another one (127.0.0.2)."""
+    """Address to listen at; the ports are those of a controller, so a second twin needs another one
+    (127.0.0.2)."""
     expose: bool = False
-    """Whether an address that others can reach is meant: there is no authentication, as on a robot."""
+    """Whether an address that others can reach is meant: there is no authentication, as on a
+    robot."""
     version: Version = "5.22"
     model: str = "UR5"
     """What the dashboard names; a UR5e says UR5."""
@@ -38,11 +41,13 @@ class ControllerConfig:
         try:
             address = ipaddress.ip_address(self.host)
         except ValueError as error:
-            raise ConfigError(f"host must be an IP address, got {self.host!r}", self.host) from error
+            raise ConfigError(
+                f"host must be an IP address, got {self.host!r}", self.host
+            ) from error
         if not (address.is_loopback or self.expose):
             raise ConfigError(
-                f"{self.host} can be reached by others, and whoever connects moves the arm: add --controller.expose if "
-                "that is meant",
+                f"{self.host} can be reached by others, and whoever connects moves the arm: add "
+                "--controller.expose if that is meant",
                 self.host,
             )
 

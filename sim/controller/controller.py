@@ -1,4 +1,6 @@
-"""A UR controller without its sockets: modes and stops, registers, one program, one motion, and the arm they move."""
+"""A UR controller without its sockets: modes and stops, registers, one program, one motion, and
+the arm they move.
+"""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Generator, Mapping
@@ -36,7 +38,8 @@ HISTORY = 1000
 FASTEST = 1.5 * SPEED_LIMIT
 """Of a joint [rad/s]: servoj may overshoot the speed of its targets, by less than this."""
 LOADED_WORDS = 150
-"""Words of a program that are taken in a period: about a millisecond, so that no cycle waits for a long one."""
+"""Words of a program that are taken in a period: about a millisecond, so that no cycle waits for a
+long one."""
 WAITING_PROGRAMS = 16
 """Of one client that have come in and are not loaded yet; what comes beyond is dropped."""
 REMEMBERED_PROGRAMS, REMEMBERED_LENGTH = 16, 100_000
@@ -73,7 +76,11 @@ class Controller:
     """What programs can call; whoever puts the controller together says it."""
 
     def __init__(
-        self, robot: SimRobot, config: ControllerConfig, mount_angle: float, tell: Callable[[str], None]
+        self,
+        robot: SimRobot,
+        config: ControllerConfig,
+        mount_angle: float,
+        tell: Callable[[str], None],
     ) -> None:
         """Switch on.
 
@@ -83,13 +90,19 @@ class Controller:
             mount_angle: Of the probe [rad], for the payload that is set up.
             tell: Is told what an operator would want to know.
         """
-        self.robot, self.config, self.tell = robot, config, tell
-        self.inputs: dict[str, float | list[float]] = {name: zero(kind) for name, kind in INPUTS.items()}
+        self.robot = robot
+        self.config = config
+        self.tell = tell
+        self.inputs: dict[str, float | list[float]] = {
+            name: zero(kind) for name, kind in INPUTS.items()
+        }
         self._written: dict[str, float] = {}
         self.heeded: set[str] = set()
         """Inputs that the program has read."""
         self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
-        self.runtime, self.mode, self.safety = Runtime.STOPPED, RobotMode.RUNNING, Safety.NORMAL
+        self.runtime = Runtime.STOPPED
+        self.mode = RobotMode.RUNNING
+        self.safety = Safety.NORMAL
         self.scaling, self.slider = 1.0, 1.0
         self.digital_outputs, self.analog_outputs = 0, [0.0, 0.0]
         self.X_FT = robot.X_FP.copy()
@@ -113,7 +126,8 @@ class Controller:
         """Of programs, which the clients have not been told yet."""
         self.functions = {}
         self._loading: dict[object, deque[_Loading]] = {}
-        """Programs that are not complete yet, by who sent them: each has its first one loaded in turn."""
+        """Programs that are not complete yet, by who sent them: each has its first one loaded in
+        turn."""
         self._scripts: OrderedDict[str, Script] = OrderedDict()
 
     @property
@@ -157,7 +171,8 @@ class Controller:
 
         Args:
             source: The program, or the line.
-            sender: Whose it is: those of one sender are loaded one after the other, those of several by turns.
+            sender: Whose it is: those of one sender are loaded one after the other, those of
+                several by turns.
         """
         command = source.strip()
         if command in _COMMANDS:
@@ -168,7 +183,10 @@ class Controller:
             return
         waiting = self._loading.setdefault(sender, deque())
         if len(waiting) >= WAITING_PROGRAMS:
-            self._report("a program was dropped", ScriptError(f"{WAITING_PROGRAMS} others of this client wait"))
+            self._report(
+                "a program was dropped",
+                ScriptError(f"{WAITING_PROGRAMS} others of this client wait"),
+            )
             return
         outside = not command.startswith(("def ", "sec "))
         text = f"def line(): {source}\nend" if outside else source
@@ -232,7 +250,9 @@ class Controller:
             self.mode = mode
 
     def watch(self, variable: str, longest: float, *, stops: bool) -> None:
-        """Arm a watchdog: at least every `longest` [s] the variable must be written, the same value counts."""
+        """Arm a watchdog: at least every `longest` [s] the variable must be written, the same
+        value counts.
+        """
         self.watchdogs[variable] = Watchdog(longest, stops, self.time)
 
     def set_payload(self, mass: float, centre_F: Float[np.ndarray, "3"]) -> None:
@@ -251,8 +271,12 @@ class Controller:
         """X_BT at joint angles [rad]."""
         return self.robot.calibration.forward(q) @ self.X_FT
 
-    def tool_speed(self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
-        """Velocity and turn of the tool in B [m/s, rad/s] at joint angles [rad] and speeds [rad/s]."""
+    def tool_speed(
+        self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]
+    ) -> Float[np.ndarray, "6"]:
+        """Velocity and turn of the tool in B [m/s, rad/s] at joint angles [rad] and speeds
+        [rad/s].
+        """
         return motion.tool_jacobian(self.robot.calibration, q, self.X_FT[:3, 3]) @ qd
 
     def tool_wrench_B(self) -> Float[np.ndarray, "6"]:
@@ -301,7 +325,9 @@ class Controller:
     def _start(self, script: Script) -> None:
         self._end_program("another program")
         if self.operational:
-            self.program, self.runtime, self.program_error = Program(script), Runtime.PLAYING, ""
+            self.program = Program(script)
+            self.runtime = Runtime.PLAYING
+            self.program_error = ""
             self.heeded.clear()
 
     def _end_program(self, why: str) -> None:
@@ -349,7 +375,8 @@ class Controller:
         """Slider and outputs, where their masks say so."""
         inputs = self.inputs
         if inputs["speed_slider_mask"]:
-            self.slider = min(max(float(inputs["speed_slider_fraction"]), 0.0), 1.0)  # type: ignore[arg-type]
+            fraction = float(inputs["speed_slider_fraction"])  # type: ignore[arg-type]
+            self.slider = min(max(fraction, 0.0), 1.0)
         self.scaling += min(max(self.slider - self.scaling, -SLIDER_RATE), SLIDER_RATE)
         for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
             mask = int(inputs[f"{kind}_digital_output_mask"])  # type: ignore[arg-type]
@@ -358,13 +385,16 @@ class Controller:
                 self.digital_outputs = self.digital_outputs & ~(mask << shift) | values << shift
         for i in range(2):
             if int(inputs["standard_analog_output_mask"]) >> i & 1:  # type: ignore[arg-type]
-                self.analog_outputs[i] = float(inputs[f"standard_analog_output_{i}"])  # type: ignore[arg-type]
+                value = inputs[f"standard_analog_output_{i}"]
+                self.analog_outputs[i] = float(value)  # type: ignore[arg-type]
 
     def _watch(self) -> None:
         for name, dog in list(self.watchdogs.items()):
             if self.time - max(self._written.get(name, 0.0), dog.armed) > dog.longest:
                 if dog.stops:
-                    self.stop_program(f"the watchdog: nothing was written to {name} for {dog.longest:.3f} s")
+                    self.stop_program(
+                        f"the watchdog: nothing was written to {name} for {dog.longest:.3f} s"
+                    )
                 else:
                     self.pause()
 

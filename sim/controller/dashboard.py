@@ -49,8 +49,8 @@ def _unlock(controller: Controller) -> str:
     if controller.unlock():
         return "Protective stop releasing"
     return (
-        "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective stop before "
-        "unlocking"
+        "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
+        "protective stop before unlocking"
     )
 
 

@@ -25,7 +25,9 @@ ANSWER_TIME = 5.0
 class Faults:
     """Injects faults, and keeps the books."""
 
-    def __init__(self, controller: Controller, outputs: Outputs, hang_up: Callable[[], None]) -> None:
+    def __init__(
+        self, controller: Controller, outputs: Outputs, hang_up: Callable[[], None]
+    ) -> None:
         self._controller, self._outputs = controller, outputs
         self._silent_until = -1.0
         self._counts = [0, 0, 0]
@@ -35,7 +37,9 @@ class Faults:
             "protective_stop": lambda: controller.protective_stop("asked for at the control port"),
             "emergency_stop": controller.emergency_stop,
             "release": controller.release,
-            "script_error": lambda: controller.stop_program("an error, asked for at the control port"),
+            "script_error": lambda: controller.stop_program(
+                "an error, asked for at the control port"
+            ),
             "close_connections": hang_up,
             "freeze_sensor": outputs.freeze_wrench,
             "reset": self._reset,
@@ -78,7 +82,10 @@ class Faults:
         return self._refusal(f"{shown(word)} with {shown(tuple(request))}")
 
     def _refusal(self, what: str) -> str:
-        known = [*self._actions, *(f"{word} ({name})" for word, (name, _) in self._with_number.items())]
+        known = [
+            *self._actions,
+            *(f"{word} ({name})" for word, (name, _) in self._with_number.items()),
+        ]
         return json.dumps({"ok": False, "error": f"{what}; known: {', '.join(known)}"})
 
     @property
@@ -130,15 +137,17 @@ class TwinControl:
         try:
             self._socket = socket.create_connection((host, CONTROL_PORT), ANSWER_TIME)
         except OSError as error:
-            raise RobotError(f"no twin listens at {host}: start one with `breastscan twin`", host) from error
+            raise RobotError(
+                f"no twin listens at {host}: start one with `breastscan twin`", host
+            ) from error
         self._lines = self._socket.makefile("rb")
 
     def do(self, action: str, **arguments: float | bool) -> dict[str, Any]:
         """Inject a fault, or ask for the `status`.
 
         Args:
-            action: protective_stop, emergency_stop, release, script_error, close_connections, silence (`seconds`),
-                freeze_sensor, remote_control (`on`), reset, or status.
+            action: protective_stop, emergency_stop, release, script_error, close_connections,
+                silence (`seconds`), freeze_sensor, remote_control (`on`), reset, or status.
             arguments: The action's.
 
         Raises:

@@ -1,6 +1,8 @@
-"""The functions of the controller that programs call, as rows of tables: name, what it does, parameters.
+"""The functions of the controller that programs call, as rows of tables: name, what it does,
+parameters.
 
-A name that no row has is refused where a program calls it. `motion_functions` holds those that take time.
+A name that no row has is refused where a program calls it. `motion_functions` holds those that take
+time.
 """
 
 import math
@@ -52,24 +54,42 @@ INPUT = Kind("the name of an input", lambda value: value if value in INPUTS else
 def script_functions(controller: Controller) -> dict[str, Function]:
     """All of them by name."""
     subjects = (
-        motion_functions(controller), _mathematics(), _registers(controller), _readings(controller),
-        _dynamics(controller), _settings(controller), _unsimulated(), _poses(), _kinematics(controller),
-    )  # fmt: skip
+        motion_functions(controller),
+        _mathematics(),
+        _registers(controller),
+        _readings(controller),
+        _dynamics(controller),
+        _settings(controller),
+        _unsimulated(),
+        _poses(),
+        _kinematics(controller),
+    )
     return table(function for subject in subjects for function in subject)
 
 
 def _mathematics() -> Iterable[Function]:
     x, y = Parameter("x", NUMBER), Parameter("y", NUMBER)
     one = {
-        "sin": math.sin, "cos": math.cos, "tan": math.tan, "asin": math.asin, "acos": math.acos, "atan": math.atan,
-        "sqrt": math.sqrt, "floor": math.floor, "ceil": math.ceil, "d2r": math.radians, "r2d": math.degrees,
-    }  # fmt: skip
+        "sin": math.sin,
+        "cos": math.cos,
+        "tan": math.tan,
+        "asin": math.asin,
+        "acos": math.acos,
+        "atan": math.atan,
+        "sqrt": math.sqrt,
+        "floor": math.floor,
+        "ceil": math.ceil,
+        "d2r": math.radians,
+        "r2d": math.degrees,
+    }
     yield from (row(name, compute, x) for name, compute in one.items())
     yield row("atan2", math.atan2, x, y)
     yield row("pow", math.pow, x, y)
     yield row("norm", _norm, Parameter("a", ANYTHING), costly=True)
     yield row("length", len, Parameter("array", LIST))
-    yield row("to_str", lambda value: make_string([value]), Parameter("value", ANYTHING), costly=True)
+    yield row(
+        "to_str", lambda value: make_string([value]), Parameter("value", ANYTHING), costly=True
+    )
 
 
 def _norm(value: Value) -> float:
@@ -81,7 +101,9 @@ def _norm(value: Value) -> float:
 
 def _registers(controller: Controller) -> Iterable[Function]:
     place = Parameter("port_id", whole(0, REGISTERS - 1))
-    doubles, ints = ([f"input_{kind}_register_{i}" for i in range(REGISTERS)] for kind in ("double", "int"))
+    doubles, ints = (
+        [f"input_{kind}_register_{i}" for i in range(REGISTERS)] for kind in ("double", "int")
+    )
 
     def write_float(i: int, value: float) -> None:
         controller.out_doubles[i] = float(value)
@@ -117,7 +139,9 @@ def _readings(controller: Controller) -> Iterable[Function]:
         "get_target_joint_positions": lambda: robot.course[0],
         "get_target_joint_speeds": lambda: robot.course[1],
         "get_target_joint_accelerations": lambda: robot.course_change,
-        "get_actual_tcp_speed": lambda: controller.tool_speed(controller.state.q, controller.state.qd),
+        "get_actual_tcp_speed": lambda: controller.tool_speed(
+            controller.state.q, controller.state.qd
+        ),
         "get_target_tcp_speed": lambda: controller.tool_speed(*robot.course),
         "get_tcp_force": controller.tool_wrench_B,
         "get_joint_torques": robot.drive_torques,
@@ -129,10 +153,17 @@ def _readings(controller: Controller) -> Iterable[Function]:
         "get_actual_tool_flange_pose": lambda: arm.forward(controller.state.q),
         "get_tcp_offset": lambda: controller.X_FT,
     }
-    yield from (row(name, lambda read=read: tuple(read().tolist()), costly=True) for name, read in arrays.items())
-    yield from (row(name, lambda read=read: Pose.of(read()), costly=True) for name, read in poses.items())
+    yield from (
+        row(name, lambda read=read: tuple(read().tolist()), costly=True)
+        for name, read in arrays.items()
+    )
+    yield from (
+        row(name, lambda read=read: Pose.of(read()), costly=True) for name, read in poses.items()
+    )
     yield row("get_steptime", lambda: PERIOD)
-    yield row("get_actual_joint_positions_history", history, Parameter("steps", whole(0, 2**31 - 1), 0))
+    yield row(
+        "get_actual_joint_positions_history", history, Parameter("steps", whole(0, 2**31 - 1), 0)
+    )
     yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])), costly=True)
     yield row("tool_contact", touches, Parameter("direction", JOINTS, None), costly=True)
     yield row("is_steady", is_steady, costly=True)
@@ -142,7 +173,9 @@ def _readings(controller: Controller) -> Iterable[Function]:
 def _dynamics(controller: Controller) -> Iterable[Function]:
     """Of the arm as it stands, whatever joint angles are given."""
     robot, arm = controller.robot, controller.robot.calibration
-    q, qd, tcp = Parameter("q", JOINTS, None), Parameter("qd", JOINTS, None), Parameter("tcp", POSE, None)
+    q = Parameter("q", JOINTS, None)
+    qd = Parameter("qd", JOINTS, None)
+    tcp = Parameter("tcp", POSE, None)
 
     def jacobian(*_: object) -> tuple:
         return _matrix(motion.tool_jacobian(arm, controller.state.q, controller.X_FT[:3, 3]))
@@ -151,7 +184,14 @@ def _dynamics(controller: Controller) -> Iterable[Function]:
               Parameter("include_rotors_inertia", CONDITION, True), costly=True)  # fmt: skip
     yield row("get_coriolis_and_centrifugal_torques", lambda *_: (0.0,) * 6, q, qd)
     yield row("get_jacobian", jacobian, q, tcp, costly=True)
-    yield row("get_jacobian_time_derivative", lambda *_: _matrix(np.zeros((6, 6))), q, qd, tcp, costly=True)
+    yield row(
+        "get_jacobian_time_derivative",
+        lambda *_: _matrix(np.zeros((6, 6))),
+        q,
+        qd,
+        tcp,
+        costly=True,
+    )
 
 
 def _matrix(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
@@ -165,7 +205,9 @@ def _settings(controller: Controller) -> Iterable[Function]:
     def set_tcp(pose: Pose, name: str) -> None:
         controller.X_FT = pose.matrix
 
-    def set_payload(m: float, cog: np.ndarray | None, inertia: np.ndarray | None, *_: float) -> None:
+    def set_payload(
+        m: float, cog: np.ndarray | None, inertia: np.ndarray | None, *_: float
+    ) -> None:
         if not 0 <= m <= HEAVIEST:
             raise ScriptError(f"a payload has 0 to {HEAVIEST} kg, got {m}", m)
         controller.set_payload(float(m), controller.payload.centre_F if cog is None else cog)
@@ -188,19 +230,30 @@ def _settings(controller: Controller) -> Iterable[Function]:
         controller.protective_stop("the program asks for it")
         yield
 
-    yield row("set_tcp", set_tcp, Parameter("pose", POSE), Parameter("tcp_name", TEXT, ""), costly=True)
+    yield row(
+        "set_tcp", set_tcp, Parameter("pose", POSE), Parameter("tcp_name", TEXT, ""), costly=True
+    )
     yield row("set_payload", set_payload, mass, cog, inertia, costly=True)
     yield row(
-        "set_target_payload", set_payload, mass, cog, inertia, Parameter("transition_time", NUMBER, 0.0), costly=True
+        "set_target_payload",
+        set_payload,
+        mass,
+        cog,
+        inertia,
+        Parameter("transition_time", NUMBER, 0.0),
+        costly=True,
     )
     yield row("get_target_payload", lambda: controller.payload.mass)
     yield row("get_target_payload_cog", lambda: tuple(controller.payload.centre_F.tolist()))
     yield row("get_target_payload_inertia", lambda: tuple(controller.inertia))
     yield row("zero_ftsensor", controller.zero_wrench)
     yield row(
-        "rtde_set_watchdog", set_watchdog, Parameter("variable_name", INPUT),
-        Parameter("min_frequency", NUMBER), Parameter("action", choice("ignore", "pause", "stop"), "pause"),
-    )  # fmt: skip
+        "rtde_set_watchdog",
+        set_watchdog,
+        Parameter("variable_name", INPUT),
+        Parameter("min_frequency", NUMBER),
+        Parameter("action", choice("ignore", "pause", "stop"), "pause"),
+    )
     yield row("protective_stop", protective_stop, waits=True)
     yield row("teach_mode", free(True))
     yield row("end_teach_mode", free(False))
@@ -218,17 +271,27 @@ def _unsimulated() -> Iterable[Function]:
     )  # fmt: skip
     rows: dict[str, tuple[Parameter, ...]] = {
         "textmsg": message,
-        "popup": (Parameter("s", ANYTHING), Parameter("title", TEXT, ""), Parameter("warning", CONDITION, False),
-                  Parameter("error", CONDITION, False), Parameter("blocking", CONDITION, False)),
+        "popup": (
+            Parameter("s", ANYTHING),
+            Parameter("title", TEXT, ""),
+            Parameter("warning", CONDITION, False),
+            Parameter("error", CONDITION, False),
+            Parameter("blocking", CONDITION, False),
+        ),
         "set_gravity": (Parameter("d", VECTOR),),
-        "force_mode": (Parameter("task_frame", POSE), Parameter("selection_vector", JOINTS),
-                       Parameter("wrench", JOINTS), Parameter("type", whole(1, 3)), Parameter("limits", JOINTS)),
+        "force_mode": (
+            Parameter("task_frame", POSE),
+            Parameter("selection_vector", JOINTS),
+            Parameter("wrench", JOINTS),
+            Parameter("type", whole(1, 3)),
+            Parameter("limits", JOINTS),
+        ),
         "end_force_mode": (),
         "force_mode_set_damping": (Parameter("damping", NUMBER),),
         "force_mode_set_gain_scaling": (Parameter("scaling", NUMBER),),
         "ft_rtde_input_enable": sensor,
         "enable_external_ft_sensor": sensor,
-    }  # fmt: skip
+    }
     yield from (row(name, lambda *_: None, *parameters) for name, parameters in rows.items())
 
 
@@ -242,14 +305,20 @@ def _poses() -> Iterable[Function]:
     first, second = Parameter("p_1", POSE), Parameter("p_2", POSE)
     start, step = Parameter("p_from", POSE), Parameter("p_from_to", POSE)
     yield row("pose_trans", lambda a, b: Pose.of(a.matrix @ b.matrix), start, step, costly=True)
-    yield row("pose_inv", lambda a: Pose.of(se3.inverse(a.matrix)), Parameter("p_from", POSE), costly=True)
+    yield row(
+        "pose_inv", lambda a: Pose.of(se3.inverse(a.matrix)), Parameter("p_from", POSE), costly=True
+    )
     yield row("pose_add", lambda a, b: added(a, b, 1.0), first, second, costly=True)
     yield row("pose_sub", lambda a, b: added(a, b, -1.0), first, second, costly=True)
 
 
 def _kinematics(controller: Controller) -> Iterable[Function]:
     near = Parameter("qnear", JOINTS, None)
-    tolerances = (near, Parameter("maxPositionError", NUMBER, 0.0), Parameter("maxOrientationError", NUMBER, 0.0))
+    tolerances = (
+        near,
+        Parameter("maxPositionError", NUMBER, 0.0),
+        Parameter("maxOrientationError", NUMBER, 0.0),
+    )
 
     def forward(q: Vector6 | None, tcp: Pose | None) -> Pose:
         joints = controller.state.q if q is None else q
@@ -265,7 +334,17 @@ def _kinematics(controller: Controller) -> Iterable[Function]:
     def solve(x: Pose, qnear: Vector6 | None, *_: object) -> tuple[float, ...]:
         return tuple(inverse(controller, x, qnear).tolist())
 
-    yield row("get_forward_kin", forward, Parameter("q", JOINTS, None), Parameter("tcp", POSE, None), costly=True)
+    yield row(
+        "get_forward_kin",
+        forward,
+        Parameter("q", JOINTS, None),
+        Parameter("tcp", POSE, None),
+        costly=True,
+    )
     yield row("get_inverse_kin", solve, Parameter("x", POSE), *tolerances, costly=True)
-    yield row("get_inverse_kin_has_solution", has_solution, Parameter("x", POSE), *tolerances, costly=True)
-    yield row("is_within_safety_limits", is_within_limits, Parameter("pose", PLACE), near, costly=True)
+    yield row(
+        "get_inverse_kin_has_solution", has_solution, Parameter("x", POSE), *tolerances, costly=True
+    )
+    yield row(
+        "is_within_safety_limits", is_within_limits, Parameter("pose", PLACE), near, costly=True
+    )

@@ -13,8 +13,11 @@ def reaching(controller: Controller, pose: Pose) -> Float[np.ndarray, "k 6"]:
     return controller.robot.calibration.inverse(pose.matrix @ se3.inverse(controller.X_FT))
 
 
-def inverse(controller: Controller, pose: Pose, near: Float[np.ndarray, "6"] | None = None) -> Float[np.ndarray, "6"]:
-    """The solution nearest to joint angles, whole turns included; by default to where the arm is [rad].
+def inverse(
+    controller: Controller, pose: Pose, near: Float[np.ndarray, "6"] | None = None
+) -> Float[np.ndarray, "6"]:
+    """The solution nearest to joint angles, whole turns included; by default to where the arm is
+    [rad].
 
     Raises:
         ScriptError: There is none.

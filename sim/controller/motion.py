@@ -32,7 +32,9 @@ def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
     """One period, to `q` [rad]."""
     step = np.abs(q - robot.course[0]).max()
     if not step <= LONGEST_STEP:  # NaN is none either
-        raise ImpossibleMotion(f"a joint would move by {step:.3g} rad in a period, {LONGEST_STEP:.4f} rad is possible")
+        raise ImpossibleMotion(
+            f"a joint would move by {step:.3g} rad in a period, {LONGEST_STEP:.4f} rad is possible"
+        )
     robot.go(q)
 
 
@@ -72,7 +74,11 @@ class Travel:
     """From rest to rest along a way whose joints are a function of the share that is done."""
 
     def __init__(
-        self, length: float, speed: float, acceleration: float, joints: Callable[[float], Float[np.ndarray, "6"]]
+        self,
+        length: float,
+        speed: float,
+        acceleration: float,
+        joints: Callable[[float], Float[np.ndarray, "6"]],
     ) -> None:
         self._joints, self._time = joints, 0.0
         self._profile = Trapezoid(length, speed, acceleration) if length > NEGLIGIBLE_WAY else None
@@ -88,10 +94,19 @@ class Travel:
         return self._time < self._profile.duration
 
 
-def joint_travel(robot: SimRobot, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> Travel:
-    """Straight in joint space to `q`; speed and acceleration of the leading joint [rad/s, rad/s^2]."""
+def joint_travel(
+    robot: SimRobot, q: Float[np.ndarray, "6"], speed: float, acceleration: float
+) -> Travel:
+    """Straight in joint space to `q`; speed and acceleration of the leading joint [rad/s,
+    rad/s^2].
+    """
     start = robot.course[0]
-    return Travel(float(np.abs(q - start).max()), speed, acceleration, lambda share: start + share * (q - start))
+    return Travel(
+        float(np.abs(q - start).max()),
+        speed,
+        acceleration,
+        lambda share: start + share * (q - start),
+    )
 
 
 def straight_travel(
@@ -102,7 +117,9 @@ def straight_travel(
     speed: float,
     acceleration: float,
 ) -> Travel:
-    """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in m and s."""
+    """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in
+    m and s.
+    """
     q = robot.course[0]
     X_start, X_TF = arm.forward(q) @ X_FT, se3.inverse(X_FT)
     turn = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
@@ -138,10 +155,16 @@ class ToolSpeed:
     """speedl: the same for the tool's velocity and turn in the base."""
 
     def __init__(
-        self, arm: KinematicCalibration, X_FT: Float[np.ndarray, "4 4"], speed: Float[np.ndarray, "6"],
+        self,
+        arm: KinematicCalibration,
+        X_FT: Float[np.ndarray, "4 4"],
+        speed: Float[np.ndarray, "6"],
         acceleration: float,
-    ) -> None:  # fmt: skip
-        self._arm, self._p_FT, self._speed, self._acceleration = arm, X_FT[:3, 3], speed, acceleration
+    ) -> None:
+        self._arm = arm
+        self._p_FT = X_FT[:3, 3]
+        self._speed = speed
+        self._acceleration = acceleration
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
         """One period."""
@@ -165,6 +188,8 @@ def tool_jacobian(
 
 
 def cross_matrix(v: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """Of the cross product with `v` from the left: NumPy's own takes thirty times as long for three numbers."""
+    """Of the cross product with `v` from the left: NumPy's own takes thirty times as long for
+    three numbers.
+    """
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

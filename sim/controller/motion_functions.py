@@ -1,4 +1,6 @@
-"""The functions that take time: those that move the arm, each until the controller has done it, and those that wait."""
+"""The functions that take time: those that move the arm, each until the controller has done it,
+and those that wait.
+"""
 
 from collections.abc import Callable, Generator, Iterable
 from functools import wraps
@@ -14,13 +16,23 @@ from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse
 from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
-from sim.controller.urscript.signature import ANYTHING, JOINTS, NUMBER, PLACE, POSITIVE, Function, Parameter, row
+from sim.controller.urscript.signature import (
+    ANYTHING,
+    JOINTS,
+    NUMBER,
+    PLACE,
+    POSITIVE,
+    Function,
+    Parameter,
+    row,
+)
 from sim.controller.urscript.values import Pose, ScriptError
 
 Wait = Generator[None, None, None]
 Vector6 = Float[np.ndarray, "6"]
 LATE_TIME = 0.1
-"""A servo target that the joints could not reach in so long counts as a jump [s]: a client may miss some periods."""
+"""A servo target that the joints could not reach in so long counts as a jump [s]: a client may miss
+some periods."""
 SPEEDL_TIME = 0.5
 """How long a speedl without a time is waited for [s]."""
 SLOWEST_STOP = 0.1
@@ -42,16 +54,29 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
         row("movel", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, t, r),
         row("movep", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, t, r),
         row("servoc", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, r),
-        row("servoj", moves.servoj, Parameter("q", JOINTS), unused_a, unused_v, Parameter("t", NUMBER, PERIOD),
-            Parameter("lookahead_time", NUMBER, 0.1), Parameter("gain", NUMBER, 300.0)),
+        row(
+            "servoj",
+            moves.servoj,
+            Parameter("q", JOINTS),
+            unused_a,
+            unused_v,
+            Parameter("t", NUMBER, PERIOD),
+            Parameter("lookahead_time", NUMBER, 0.1),
+            Parameter("gain", NUMBER, 300.0),
+        ),
         row("speedj", moves.speedj, Parameter("qd", JOINTS), joint_a, until),
         row("speedl", moves.speedl, Parameter("xd", JOINTS), tool_a, until, turn_a),
         row("stopj", moves.stopj, Parameter("a", NUMBER, 2.0)),
         row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), turn_a),
-        row("direct_torque", moves.direct_torque, Parameter("target_torque", JOINTS),
-            Parameter("friction_comp", ANYTHING, True), Parameter("viscous_scale", JOINTS, None),
-            Parameter("coulomb_scale", JOINTS, None)),
-    )  # fmt: skip
+        row(
+            "direct_torque",
+            moves.direct_torque,
+            Parameter("target_torque", JOINTS),
+            Parameter("friction_comp", ANYTHING, True),
+            Parameter("viscous_scale", JOINTS, None),
+            Parameter("coulomb_scale", JOINTS, None),
+        ),
+    )
     yield from (row(r.name, _owned(controller, r.call), *r.parameters, waits=True) for r in rows)
     yield row("sync", _sync, waits=True)
     yield row("sleep", _sleep, Parameter("t", NUMBER), waits=True)
@@ -106,13 +131,20 @@ class _Moves:
         X_BT = x.matrix if isinstance(x, Pose) else controller.tool_pose(x)
         inverse(controller, Pose.of(X_BT))
         arm = self._robot.calibration
-        yield from self._arrive(lambda: motion.straight_travel(self._robot, arm, X_BT, controller.X_FT, v, a))
+        yield from self._arrive(
+            lambda: motion.straight_travel(self._robot, arm, X_BT, controller.X_FT, v, a)
+        )
 
-    def servoj(self, q: Vector6, a: float, v: float, t: float, lookahead_time: float, gain: float) -> Wait:
+    def servoj(
+        self, q: Vector6, a: float, v: float, t: float, lookahead_time: float, gain: float
+    ) -> Wait:
         """Towards a target that the next call replaces."""
         controller, robot = self._controller, self._robot
         last = controller.motion.q if isinstance(controller.motion, Servo) else robot.course[0]
-        if not np.abs(q).max() <= ANGLE_LIMIT or np.abs(q - last).max() > SPEED_TOLERANCE * LATE_TIME * SPEED_LIMIT:
+        if (
+            not np.abs(q).max() <= ANGLE_LIMIT
+            or np.abs(q - last).max() > SPEED_TOLERANCE * LATE_TIME * SPEED_LIMIT
+        ):
             controller.protective_stop("servoj: the target is too far away")
             yield
             return
@@ -151,7 +183,8 @@ class _Moves:
 
     def stopl(self, a: float, turn_a: float) -> Wait:
         """The same at a deceleration of the tool."""
-        yield from self.stopj(2 * a)  # about so much of the leading joint, for a tool half a metre away
+        # about so much of the leading joint, for a tool half a metre away
+        yield from self.stopj(2 * a)
 
     def direct_torque(self, *_: object) -> Wait:
         """Taken, and not simulated."""

@@ -1,4 +1,6 @@
-"""What the controller tells of itself, variable by variable, computed only where a client has asked for it."""
+"""What the controller tells of itself, variable by variable, computed only where a client has
+asked for it.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,7 +10,9 @@ from sim.controller.states import JOINT_OFF, JOINT_RUNNING, SAFETY_BITS, RobotMo
 from sim.controller.urscript.values import Pose
 from sim.controller.variables import OUTPUTS, REGISTERS, zero
 
-VOLTAGE, CURRENT, TEMPERATURE = 48.0, 1.0, 30.0
+VOLTAGE = 48.0
+CURRENT = 1.0
+TEMPERATURE = 30.0
 """Of the power supply [V], [A], and of the joints [°C]: any sound values."""
 TORQUE_CONSTANT = 10.0
 """Joint torque over motor current [N m/A], roughly."""
@@ -21,13 +25,16 @@ class Outputs:
         self._controller = controller
         self._period = -1
         self._known: dict[str, Any] = {}
-        """Values of this period: several clients ask for the same ones, and the poses are half of a cycle's work."""
+        """Values of this period: several clients ask for the same ones, and the poses are half of a
+        cycle's work."""
         self._frozen: tuple[list[float], list[float]] | None = None
         self._readers = self._constants() | self._registers() | self._arm() | self._states()
 
     def reader(self, names: Sequence[str]) -> Callable[[], list[float]]:
         """A function that gives the numbers of these variables, vectors written out."""
-        readers = [(name, self._readers[name], isinstance(zero(OUTPUTS[name]), list)) for name in names]
+        readers = [
+            (name, self._readers[name], isinstance(zero(OUTPUTS[name]), list)) for name in names
+        ]
 
         def read() -> list[float]:
             numbers: list[float] = []
@@ -51,10 +58,14 @@ class Outputs:
         return self._known
 
     def _wrench(self) -> list[float]:
-        return self._controller.tool_wrench_B().tolist() if self._frozen is None else self._frozen[0]
+        return (
+            self._controller.tool_wrench_B().tolist() if self._frozen is None else self._frozen[0]
+        )
 
     def _raw_wrench(self) -> list[float]:
-        return self._controller.robot.reading_F().tolist() if self._frozen is None else self._frozen[1]
+        return (
+            self._controller.robot.reading_F().tolist() if self._frozen is None else self._frozen[1]
+        )
 
     def _constants(self) -> dict[str, Callable]:
         """What never changes here, for a start all of them."""

@@ -1,4 +1,6 @@
-"""Messages of the primary and secondary interfaces (ports 30001, 30002), binary, big-endian [UR-primary]."""
+"""Messages of the primary and secondary interfaces (ports 30001, 30002), binary, big-endian
+[UR-primary].
+"""
 
 import struct
 
@@ -20,5 +22,7 @@ def runtime_exception(time: float, line: int, text: str) -> bytes:
         text: What went wrong.
     """
     body = LINE_AND_COLUMN.pack(line, 0) + text.encode()
-    head = HEAD.pack(HEAD.size + len(body), ROBOT_MESSAGE, round(time * 1e6), CONTROLLER, RUNTIME_EXCEPTION)
+    head = HEAD.pack(
+        HEAD.size + len(body), ROBOT_MESSAGE, round(time * 1e6), CONTROLLER, RUNTIME_EXCEPTION
+    )
     return head + body

@@ -22,9 +22,11 @@ OLD_FREQUENCY = 125.0
 EXCEPTION, ERROR = 0, 1
 """Levels of a text message."""
 MOST_RECIPES, MOST_FIELDS = 255, 400
-"""Of inputs, and fields of a recipe, for each connection: a little more than there are variables."""
+"""Of inputs, and fields of a recipe, for each connection: a little more than there are
+variables."""
 MAY_BE_NOISE = frozenset({"standard_analog_output_0", "standard_analog_output_1"})
-"""Fields that a client in use leaves as it found its memory, where the mask says that they do not count."""
+"""Fields that a client in use leaves as it found its memory, where the mask says that they do not
+count."""
 
 
 class Registry:
@@ -43,7 +45,9 @@ class Registry:
 
     def release(self, connection: "Connection") -> None:
         """Free what a connection held; the values stay."""
-        self._holders = {name: holder for name, holder in self._holders.items() if holder is not connection}
+        self._holders = {
+            name: holder for name, holder in self._holders.items() if holder is not connection
+        }
 
 
 class Line(Protocol):
@@ -61,8 +65,13 @@ class Line(Protocol):
 class Connection:
     """One client."""
 
-    def __init__(self, line: Line, controller: Controller, outputs: Outputs, registry: Registry) -> None:
-        self._line, self._controller, self._outputs, self._registry = line, controller, outputs, registry
+    def __init__(
+        self, line: Line, controller: Controller, outputs: Outputs, registry: Registry
+    ) -> None:
+        self._line = line
+        self._controller = controller
+        self._outputs = outputs
+        self._registry = registry
         self._arrived = b""
         self._version = 1
         self._recipe: Recipe | None = None
@@ -70,7 +79,8 @@ class Connection:
         self._inputs: list[Recipe] = []
         self._started = False
         self._is_client = False
-        """Whether it has sent a message that there is: what begins otherwise speaks another language."""
+        """Whether it has sent a message that there is: what begins otherwise speaks another
+        language."""
         self._per_cycle, self._due = 1.0, 0.0
         self.commands = 0
         """Data packages that came in since the last period."""
@@ -113,7 +123,10 @@ class Connection:
         """Tell a client that has started; before that it reads one answer for each question."""
         if self._started:
             words = [word.encode()[:255] for word in (text, "RTDE")]
-            self._reply(TEXT, b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([level]))
+            self._reply(
+                TEXT,
+                b"".join(struct.pack(">B", len(word)) + word for word in words) + bytes([level]),
+            )
 
     def _answer(self, kind: int, payload: bytes) -> None:
         if kind not in _MESSAGES and not self._is_client:
@@ -157,7 +170,10 @@ class Connection:
 
     def _set_up_inputs(self, payload: bytes) -> None:
         names = _names(payload)
-        kinds = [INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE" for name in names]
+        kinds = [
+            INPUTS.get(name, "NOT_FOUND") if self._registry.free_for(name, self) else "IN_USE"
+            for name in names
+        ]
         number = 0
         fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
         if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):

@@ -25,15 +25,21 @@ from sim.tissue.mechanics import build_mechanics
 from sim.truth_log import TruthLog
 
 LINK_TRANSPORT = PERIOD
-"""Part of the servo's transport that a link brings along by itself [s]: a target waits for the program's turn. The arm
-then trails a client's targets by 32 to 34 ms, depending on when in a period they arrive."""
+"""Part of the servo's transport that a link brings along by itself [s]: a target waits for the
+program's turn. The arm then trails a client's targets by 32 to 34 ms, depending on when in a period
+they arrive."""
 KEPT_TRUTH = 300.0
 """How much of the truth is kept, the latest [s]."""
 MOST_TOLD, LONGEST_TOLD = 20, 1000
 """Lines for the operator in a second, and characters of each: clients cause them."""
 
 
-def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None, tell: Callable[[str], None]) -> None:
+def serve(
+    scene_config: SceneConfig,
+    config: ControllerConfig,
+    out: Path | None,
+    tell: Callable[[str], None],
+) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Args:
@@ -45,7 +51,9 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     Raises:
         RobotError: A port is in use.
     """
-    servo = replace(scene_config.servo, transport=max(scene_config.servo.transport - LINK_TRANSPORT, PERIOD))
+    servo = replace(
+        scene_config.servo, transport=max(scene_config.servo.transport - LINK_TRANSPORT, PERIOD)
+    )
     scene = Scene(replace(scene_config, servo=servo))
     robot = SimRobot(scene, build_mechanics(scene.phantom))
     robot.limit_truth(1 if out is None else round(KEPT_TRUTH / PERIOD))
@@ -56,7 +64,10 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
     controller.functions = script_functions(controller)
     server = Server(controller)
     granted = config.real_time and ask_for_priority()
-    tell(f"Ready: UR5e {config.version} at {config.host}" + ("" if granted else " (no real-time priority)"))
+    tell(
+        f"Ready: UR5e {config.version} at {config.host}"
+        + ("" if granted else " (no real-time priority)")
+    )
     with _told_to_end() as ended:
         server.serve(ended)
     if out is not None:
@@ -66,7 +77,9 @@ def serve(scene_config: SceneConfig, config: ControllerConfig, out: Path | None,
 
 
 def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
-    """Tells so much a second at most, and only while whoever started it reads: the cycle waits for nobody."""
+    """Tells so much a second at most, and only while whoever started it reads: the cycle waits
+    for nobody.
+    """
     told: deque[float] = deque(maxlen=MOST_TOLD)
 
     def tell_some(text: str) -> None:
@@ -77,7 +90,8 @@ def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
             if not select.select([], [sys.stdout], [], 0.0)[1]:
                 return
             tell(text[:LONGEST_TOLD])
-        except (OSError, ValueError, SystemExit):  # nobody is there any more, or what stands there is no file
+        # nobody is there any more, or what stands there is no file
+        except (OSError, ValueError, SystemExit):
             return
         told.append(now)
 
@@ -85,7 +99,9 @@ def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
 
 
 def _compile(robot: SimRobot) -> None:
-    """Compile what programs call: in a cycle it would take seconds, and a client gives up a stream silent for 2.5 s."""
+    """Compile what programs call: in a cycle it would take seconds, and a client gives up a
+    stream silent for 2.5 s.
+    """
     q, arm = robot.course[0], robot.calibration
     robot.follow(q)
     X_BF = arm.forward(q)
@@ -95,7 +111,9 @@ def _compile(robot: SimRobot) -> None:
 
 
 def truth_table(truth: TruthLog) -> pl.DataFrame:
-    """The truth as a table: the robot's time [s], joints [rad], force along the probe [N], depth [m], pose in S."""
+    """The truth as a table: the robot's time [s], joints [rad], force along the probe [N], depth
+    [m], pose in S.
+    """
     return pl.DataFrame(
         {
             "t": truth.time,

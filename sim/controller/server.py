@@ -69,7 +69,8 @@ class Server:
     def serve(self, ended: Callable[[], bool]) -> None:
         """Run until `ended`, then close the ports."""
         gc.collect()
-        gc.freeze()  # what is here stays; the collector need not look at it in the middle of a cycle
+        # what is here stays; the collector need not look at it in the middle of a cycle
+        gc.freeze()
         due = time.monotonic() + PERIOD
         try:
             while not ended():
@@ -85,7 +86,9 @@ class Server:
         """Take in what has arrived, one period of the controller, and send what is due."""
         self._exchange(0.0)
         clients = list(self._client_of.values())
-        self._faults.count(sum(client.rtde.commands for client in clients if client.rtde is not None))
+        self._faults.count(
+            sum(client.rtde.commands for client in clients if client.rtde is not None)
+        )
         self.controller.cycle()
         while self.controller.errors:
             self._tell_error(self.controller.errors.popleft())
@@ -124,10 +127,14 @@ class Server:
         return not all(connection is None or connection.answered for connection in connections)
 
     def _exchange(self, longest: float) -> None:
-        """Wait for sockets so long [s] at most, and serve those that are ready, but no longer than a cycle may wait."""
+        """Wait for sockets so long [s] at most, and serve those that are ready, but no longer
+        than a cycle may wait.
+        """
         end = time.monotonic() + max(longest, PERIOD)
         waiting = [sock for sock, client in self._client_of.items() if client.waits]
-        readable, writable, _ = select.select([*self._on_connect, *self._client_of], waiting, [], longest)
+        readable, writable, _ = select.select(
+            [*self._on_connect, *self._client_of], waiting, [], longest
+        )
         for sock in writable:
             self._guarded(self._client_of[sock], Client.flush)
         self._turn += 1  # who comes last in one round comes earlier in another
@@ -141,7 +148,9 @@ class Server:
                 return
 
     def _guarded(self, client: Client, act: Callable[[Client], None]) -> None:
-        """Serve a client; whatever it brings about that nobody has thought of ends its connection, and no other."""
+        """Serve a client; whatever it brings about that nobody has thought of ends its
+        connection, and no other.
+        """
         try:
             act(client)
         except Exception as error:  # the border: behind it errors are caught by name
@@ -239,8 +248,8 @@ class Server:
             listener.bind((host, port))
         except OSError as error:
             raise RobotError(
-                f"port {port} of {host} cannot be opened ({error.strerror}): if another twin runs there, end it, or "
-                "take another loopback address (--controller.host 127.0.0.2)",
+                f"port {port} of {host} cannot be opened ({error.strerror}): if another twin runs "
+                "there, end it, or take another loopback address (--controller.host 127.0.0.2)",
                 port,
             ) from error
         listener.listen()

@@ -34,7 +34,7 @@ SAFETY_BITS = {
     Safety.ROBOT_EMERGENCY_STOP: 0x4C0,
     Safety.FAULT: 0x600,
 }
-"""Bits of `safety_status_bits`: 0 normal, 2 protective, 6 robot and 7 any emergency stop, 9 fault, 10 stopped for
-safety."""
+"""Bits of `safety_status_bits`: 0 normal, 2 protective, 6 robot and 7 any emergency stop, 9 fault,
+10 stopped for safety."""
 JOINT_RUNNING, JOINT_OFF = 253, 239
 """Of `joint_mode`."""

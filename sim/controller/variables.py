@@ -1,4 +1,5 @@
-"""The variables of RTDE, with their types on the wire: names and widths as Universal Robots documents them.
+"""The variables of RTDE, with their types on the wire: names and widths as Universal Robots
+documents them.
 
 A client decodes by its own table, so one wrong width would shift every field behind it.
 """
@@ -25,28 +26,30 @@ REGISTERS = 48
 """Integer and double registers, each way."""
 
 _OUTPUTS = {
-    "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current
-        actual_current_window joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose
-        target_TCP_speed joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia tcp_offset
-        actual_current_as_torque""",
-    "DOUBLE": """timestamp actual_execution_time target_execution_time speed_scaling target_speed_fraction
-        actual_momentum actual_main_voltage actual_robot_voltage actual_robot_current standard_analog_input0
-        standard_analog_input1 standard_analog_output0 standard_analog_output1 io_current payload tool_temperature
-        tool_output_current tool_analog_input0 tool_analog_input1""",
+    "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd
+        actual_current actual_current_window joint_control_output actual_TCP_pose actual_TCP_speed
+        actual_TCP_force target_TCP_pose target_TCP_speed joint_temperatures actual_joint_voltage
+        ft_raw_wrench payload_inertia tcp_offset actual_current_as_torque""",
+    "DOUBLE": """timestamp actual_execution_time target_execution_time speed_scaling
+        target_speed_fraction actual_momentum actual_main_voltage actual_robot_voltage
+        actual_robot_current standard_analog_input0 standard_analog_input1 standard_analog_output0
+        standard_analog_output1 io_current payload tool_temperature tool_output_current
+        tool_analog_input0 tool_analog_input1""",
     "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "INT32": "robot_mode safety_mode safety_status tool_output_voltage",
     "VECTOR6INT32": "joint_mode",
-    "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types tool_mode tool_analog_input_types
-        output_bit_registers0_to_31 output_bit_registers32_to_63 script_control_line""",
+    "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types tool_mode
+        tool_analog_input_types output_bit_registers0_to_31 output_bit_registers32_to_63
+        script_control_line""",
     "UINT8": "tool_output_mode",
 }
 _INPUTS = {
     "UINT32": "speed_slider_mask input_bit_registers0_to_31 input_bit_registers32_to_63",
     "DOUBLE": "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
-    "UINT8": """standard_digital_output_mask standard_digital_output configurable_digital_output_mask
-        configurable_digital_output tool_digital_output_mask tool_digital_output standard_analog_output_mask
-        standard_analog_output_type""",
+    "UINT8": """standard_digital_output_mask standard_digital_output
+        configurable_digital_output_mask configurable_digital_output tool_digital_output_mask
+        tool_digital_output standard_analog_output_mask standard_analog_output_type""",
     "VECTOR6D": "external_force_torque",
 }
 
@@ -86,7 +89,9 @@ class Recipe:
 
     def unpack(self, package: bytes) -> dict[str, float | list[float]]:
         """The variables in a package; what it has too much is left alone."""
-        numbers, start, found = self._struct.unpack_from(package), 0, {}
+        numbers = self._struct.unpack_from(package)
+        start = 0
+        found = {}
         for name, width in zip(self.names, self.widths, strict=True):
             found[name] = numbers[start] if width == 1 else list(numbers[start : start + width])
             start += width

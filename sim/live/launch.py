@@ -17,10 +17,11 @@ from breastscan.errors import ConfigError
 
 TITLE = "breastscan"
 WINDOW_GRAPHICS = "opengl_software"
-"""Draws to memory and shows that: the other modes of MuJoCo 4.0.0's window look for a target that nobody makes."""
+"""Draws to memory and shows that: the other modes of MuJoCo 4.0.0's window look for a target that
+nobody makes."""
 PAGE_TIME = 1 / 20
-"""Shortest time between two pictures of the panel for a browser [s]: one that draws more slowly falls ever farther
-behind."""
+"""Shortest time between two pictures of the panel for a browser [s]: one that draws more slowly
+falls ever farther behind."""
 PORTS = (0, 65535)
 
 
@@ -31,33 +32,41 @@ class LiveConfig:
     web: bool = False
     """Whether in a browser instead of a window."""
     host: str = "127.0.0.1"
-    """Address that the page is served at. Who reaches it can take control and read this program's messages: leave it at
-    the loopback, and come from elsewhere by `ssh -L 8080:localhost:8080`."""
+    """Address that the page is served at. Who reaches it can take control and read this program's
+    messages: leave it at the loopback, and come from elsewhere by `ssh -L 8080:localhost:8080`."""
     port: int = 0
     """Port of the page; 0 takes the first free one from 8080."""
 
     def __post_init__(self) -> None:
         if not PORTS[0] <= self.port <= PORTS[1]:
-            raise ConfigError(f"a port lies in {PORTS[0]} .. {PORTS[1]}, got {self.port}", self.port)
+            raise ConfigError(
+                f"a port lies in {PORTS[0]} .. {PORTS[1]}, got {self.port}", self.port
+            )
 
 
 def require_viewer(config: LiveConfig) -> None:
     """Pass where a viewer can be opened: ask before anything takes long.
 
     Raises:
-        ConfigError: The page's address cannot be listened at; or there is no screen for a window, or no library.
+        ConfigError: The page's address cannot be listened at; or there is no screen for a window,
+            or no library.
     """
     if config.web:
         _require_address(config)
         return
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ConfigError("a window needs a screen, and DISPLAY names none: watch in a browser with --web")
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise ConfigError(
+            "a window needs a screen, and DISPLAY names none: watch in a browser with --web"
+        )
     try:
-        import mujoco.studio.native_viewer  # noqa: F401 (on the viewer's thread its failure would come out of nowhere)
+        # on the viewer's thread its failure would come out of nowhere
+        import mujoco.studio.native_viewer  # noqa: F401
     except ImportError as error:
         raise ConfigError(
-            f"MuJoCo's window cannot be opened here ({error}); it needs Python 3.12 or newer: watch in a browser with "
-            "--web",
+            f"MuJoCo's window cannot be opened here ({error}); it needs Python 3.12 or newer: "
+            "watch in a browser with --web",
             error,
         ) from error
 
@@ -78,10 +87,12 @@ def _require_address(config: LiveConfig) -> None:
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise ConfigError(
-                f"port {config.port} is taken: give another with --port, or 0 for a free one", config.port
+                f"port {config.port} is taken: give another with --port, or 0 for a free one",
+                config.port,
             ) from error
         raise ConfigError(
-            f"{config.host} is not an address of this machine ({error}): leave --host at 127.0.0.1", config.host
+            f"{config.host} is not an address of this machine ({error}): leave --host at 127.0.0.1",
+            config.host,
         ) from error
 
 
@@ -89,7 +100,9 @@ def _launch_page(config: LiveConfig, plugins: list[Plugin]) -> ViewerHandle:
     from mujoco.studio.web_viewer import WebViewer  # not on every platform
 
     class BoundViewer(WebViewer):
-        """Studio's own would listen on all interfaces: it sets its host in its constructor, to no avail here."""
+        """Studio's own would listen on all interfaces: it sets its host in its constructor, to
+        no avail here.
+        """
 
         _host = property(lambda self: config.host, lambda self, value: None)
         _latest = 0.0

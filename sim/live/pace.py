@@ -6,14 +6,17 @@ from collections.abc import Callable
 SLACK = 2e-3
 """Time ahead of the wall clock from which waiting pays [s]."""
 BEHIND = 0.1
-"""Time behind the wall clock that is not made up for [s]: what was slow stays late, nothing races after it."""
+"""Time behind the wall clock that is not made up for [s]: what was slow stays late, nothing races
+after it."""
 
 
 class Pace:
     """Makes the simulation wait where it runs ahead of the pace that was set."""
 
     def __init__(
-        self, clock: Callable[[], float] = time.perf_counter, sleep: Callable[[float], None] = time.sleep
+        self,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._clock, self._sleep = clock, sleep
         self._speed = 1.0

@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (MuJoCo's compiled modules carry no types)
-"""The panel beside the live scene: pace, force, depth, path and pictures. It runs on the viewer's thread."""
+"""The panel beside the live scene: pace, force, depth, path and pictures. It runs on the
+viewer's thread.
+"""
 
 import mujoco
 import numpy as np
@@ -17,7 +19,8 @@ from sim.room.describe import COLLISION_GROUP
 
 WIDTH_PX = 380
 FORCE_TOP, DEPTH_TOP = 8.0, 10.0
-"""Top of the plots [N, mm]: where a scan would be ended, and where the tissue's linear elasticity is left."""
+"""Top of the plots [N, mm]: where a scan would be ended, and where the tissue's linear elasticity
+is left."""
 PLOTTED_TIME = 15.0
 """The latest part of a scan that the plots show [s]."""
 SLOWEST, FASTEST = 0.1, 10.0
@@ -64,7 +67,9 @@ class Panel(ViewerPlugin):
         options.flags[mujoco.mjtVisFlag.mjVIS_FLEXSKIN] = 1
         start, camera = OUTLOOK.camera(), self.viewer.camera
         camera.type, camera.lookat[:] = start.type, start.lookat
-        camera.distance, camera.azimuth, camera.elevation = start.distance, start.azimuth, start.elevation
+        camera.distance = start.distance
+        camera.azimuth = start.azimuth
+        camera.elevation = start.elevation
 
     @handler
     def on_scan(self, scan: ScanSnapshot) -> None:
@@ -76,7 +81,9 @@ class Panel(ViewerPlugin):
         """Lay the path over the scene."""
         self._loop_B = plan.loop_B
         ends = zip(plan.loop_B, np.roll(plan.loop_B, -1, axis=0), strict=True)
-        self._loop_geoms = [_rod(mujoco.mjtGeom.mjGEOM_CAPSULE, LOOP_RADIUS, *pair, LOOP_COLOUR) for pair in ends]
+        self._loop_geoms = [
+            _rod(mujoco.mjtGeom.mjGEOM_CAPSULE, LOOP_RADIUS, *pair, LOOP_COLOUR) for pair in ends
+        ]
 
     @handler
     def on_pictures(self, pictures: PicturesSnapshot) -> None:
@@ -88,13 +95,16 @@ class Panel(ViewerPlugin):
         height, width = grey.shape
         self._sizes[side] = (width, height)
         rgba = np.dstack([grey, grey, grey, np.full_like(grey, 255)]).tobytes()
-        self._textures[side] = self.viewer.upload_image(self._textures[side], rgba, width, height, 4)
+        self._textures[side] = self.viewer.upload_image(
+            self._textures[side], rgba, width, height, 4
+        )
 
     @handler
     def on_update(self, _: UpdateEvent) -> None:
         """Before every picture: the mouse, the pace, path and force over the scene."""
         io = imgui.GetIO()
-        if self.viewer.client_camera is None and not io.WantCaptureMouse:  # a browser moves the camera itself
+        # a browser moves the camera itself
+        if self.viewer.client_camera is None and not io.WantCaptureMouse:
             ux.move_camera_with_mouse(self.viewer.model, self.viewer.camera, False)
         pause = self._pace.paused
         if not io.WantCaptureKeyboard and imgui.IsKeyPressed(imgui.Key.Space):
@@ -115,7 +125,12 @@ class Panel(ViewerPlugin):
         imgui.SetNextWindowPos(imgui.Vec2(display.x - WIDTH_PX, 0.0))
         imgui.SetNextWindowSize(imgui.Vec2(WIDTH_PX, display.y))
         flags = imgui.WindowFlags
-        fixed = int(flags.NoMove) | int(flags.NoResize) | int(flags.NoTitleBar) | int(flags.NoSavedSettings)
+        fixed = (
+            int(flags.NoMove)
+            | int(flags.NoResize)
+            | int(flags.NoTitleBar)
+            | int(flags.NoSavedSettings)
+        )
         if imgui.Begin("Scan", flags=fixed)[0]:
             self._build_pace_gui()
             if self._scan is not None:
@@ -134,7 +149,9 @@ class Panel(ViewerPlugin):
         imgui.SameLine()
         imgui.SetNextItemWidth(-1)
         logarithmic = int(imgui.SliderFlags.Logarithmic)
-        _, speed = imgui.SliderFloat("##speed", speed, SLOWEST, FASTEST, "%.1f x real time", logarithmic)
+        _, speed = imgui.SliderFloat(
+            "##speed", speed, SLOWEST, FASTEST, "%.1f x real time", logarithmic
+        )
         self._set_pace(PaceSnapshot(paused=paused, speed=speed))
 
     def _build_progress_gui(self, scan: ScanSnapshot) -> None:
@@ -220,11 +237,15 @@ def _rod(
 
 
 def _arrow(scan: ScanSnapshot) -> list[mujoco.MjvGeom]:
-    """The contact force on the probe, beside its tip so that both are seen; none where nothing touches."""
+    """The contact force on the probe, beside its tip so that both are seen; none where nothing
+    touches.
+    """
     force = float(scan.force[-1])
     if force < 0.2:
         return []
-    across_B, axis_B, tip_B = scan.X_BP[:3, 1], scan.X_BP[:3, 2], scan.X_BP[:3, 3]
+    across_B = scan.X_BP[:3, 1]
+    axis_B = scan.X_BP[:3, 2]
+    tip_B = scan.X_BP[:3, 3]
     start_B = tip_B + ARROW_OFFSET * across_B
     end_B = start_B - ARROW_LENGTH * force * axis_B
     return [_rod(mujoco.mjtGeom.mjGEOM_ARROW, ARROW_RADIUS, start_B, end_B, ARROW_COLOUR)]

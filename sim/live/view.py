@@ -1,9 +1,10 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""A scan shown live: the simulation runs as ever, and after each period the viewer gets what it needs.
+"""A scan shown live: the simulation runs as ever, and after each period the viewer gets what it
+needs.
 
-The scan stays on its own thread, which is the main one, and waits there for the wall clock and for the user. The viewer
-runs on another. Neither reads the other's data: they exchange messages.
+The scan stays on its own thread, which is the main one, and waits there for the wall clock and for
+the user. The viewer runs on another. Neither reads the other's data: they exchange messages.
 """
 
 import signal
@@ -32,7 +33,8 @@ from sim.scene import HOME_Q, Scene
 FRAME_TIME = 1 / 30
 """Wall time between two pictures of the scene [s]."""
 PICTURES_TIME = 0.5
-"""Wall time between two pairs of the cameras' pictures, which cost as much as a tenth of a second each [s]."""
+"""Wall time between two pairs of the cameras' pictures, which cost as much as a tenth of a second
+each [s]."""
 BINNING = 4
 """Camera pixels to a shown one, each way."""
 
@@ -103,7 +105,9 @@ class LiveView:
 
     def linger(self, results: tuple[tuple[str, str], ...]) -> None:
         """Show the results until the user closes the viewer or presses Ctrl-C."""
-        self._stage, self._share, self._results = "done", 1.0, results
+        self._stage = "done"
+        self._share = 1.0
+        self._results = results
         while self._handle.is_running():
             self._show()
             time.sleep(FRAME_TIME)
@@ -163,13 +167,24 @@ class LiveView:
 
     def _snapshot(self) -> ScanSnapshot:
         time_s, force, depth_mm = np.array(self._history).reshape(-1, 3).T
-        X_BP = np.eye(4) if self._robot is None else kinematics.forward(self._robot.state().q) @ self._robot.X_FP
+        X_BP = (
+            np.eye(4)
+            if self._robot is None
+            else kinematics.forward(self._robot.state().q) @ self._robot.X_FP
+        )
         return ScanSnapshot(
-            stage=self._stage, share=self._share, time=time_s, force=force, depth_mm=depth_mm, X_BP=X_BP,
+            stage=self._stage,
+            share=self._share,
+            time=time_s,
+            force=force,
+            depth_mm=depth_mm,
+            X_BP=X_BP,
             results=self._results,
-        )  # fmt: skip
+        )
 
-    def _arrange(self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None, time: float) -> None:
+    def _arrange(
+        self, q: Float[np.ndarray, "6"], skin_S: Float[np.ndarray, "n 3"] | None, time: float
+    ) -> None:
         X_BS = self._scene.X_BS_at(time)
         self._data.qpos[self._joints] = q
         self._data.mocap_pos[0] = X_BS[:3, 3]

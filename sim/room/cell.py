@@ -17,13 +17,20 @@ from sim.wrist.probe import payload
 
 
 def cell_of(scene: Scene) -> Cell:
-    """The cell whose arm, tool, cameras and surroundings are the scene's, as far as a user can know them."""
+    """The cell whose arm, tool, cameras and surroundings are the scene's, as far as a user can
+    know them.
+    """
     model, data = scene.physics, mujoco.MjData(scene.physics)
     mujoco.mj_kinematics(model, data)
     flange = model.body("flange").id
     X_FB = se3.inverse(se3.pose(data.xmat[flange].reshape(3, 3), data.xpos[flange]))
-    carried = np.isin(model.geom_bodyid, [flange, model.body("tool").id]) & (model.geom_contype == ARM_BIT)
-    around = {shape.name: shape for shape in _shapes(data, model.geom_contype == SURROUNDINGS_BIT, np.eye(4))}
+    carried = np.isin(model.geom_bodyid, [flange, model.body("tool").id]) & (
+        model.geom_contype == ARM_BIT
+    )
+    around = {
+        shape.name: shape
+        for shape in _shapes(data, model.geom_contype == SURROUNDINGS_BIT, np.eye(4))
+    }
     return Cell(
         X_FP=scene.X_FP,
         payload=payload(scene.config.mount_angle),

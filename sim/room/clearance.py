@@ -1,6 +1,8 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""How far an arm and its tool stay from themselves and from what stands around them in their cell."""
+"""How far an arm and its tool stay from themselves and from what stands around them in their
+cell.
+"""
 
 from dataclasses import dataclass
 from itertools import combinations, product
@@ -12,7 +14,15 @@ from jaxtyping import Float
 from breastscan.cell import Cell, Shape
 from breastscan.errors import ConfigError
 from sim.arm.ur5e import add_arm, joint_names
-from sim.room.describe import ARM_BIT, SURROUNDINGS_BIT, Element, add_collision, compiled, mjcf, placed
+from sim.room.describe import (
+    ARM_BIT,
+    SURROUNDINGS_BIT,
+    Element,
+    add_collision,
+    compiled,
+    mjcf,
+    placed,
+)
 
 MEASURED_UP_TO = 1.0
 """Distances beyond this are not told apart [m]."""
@@ -35,8 +45,8 @@ class Closest:
 class Clearance:
     """Distances between simple hulls around the links, the tool and the surroundings.
 
-    Implements `breastscan.planning.joint_limits.Clearances`. Links that share a joint touch by design and are left
-    out.
+    Implements `breastscan.planning.joint_limits.Clearances`. Links that share a joint touch by
+    design and are left out.
     """
 
     def __init__(self, cell: Cell, *, with_chest: bool = True) -> None:
@@ -44,8 +54,8 @@ class Clearance:
 
         Args:
             cell: Where the arm stands.
-            with_chest: Whether the chest counts. The cell's own shapes are known to who plans in it; where the chest
-                lies is for the cameras to find out.
+            with_chest: Whether the chest counts. The cell's own shapes are known to who plans in
+                it; where the chest lies is for the cameras to find out.
         """
         self._model = compiled(_describe(cell, with_chest))
         self._data = mujoco.MjData(self._model)
@@ -72,7 +82,10 @@ class Clearance:
         """Gaps of all pairs [m]."""
         self._data.qpos[self._joints] = q
         mujoco.mj_kinematics(self._model, self._data)
-        return [mujoco.mj_geomDistance(self._model, self._data, *pair, MEASURED_UP_TO, None) for pair in self._pairs]
+        return [
+            mujoco.mj_geomDistance(self._model, self._data, *pair, MEASURED_UP_TO, None)
+            for pair in self._pairs
+        ]
 
     def _joined(self, first: int, second: int) -> bool:
         """Whether one joint at most lies between two shapes of the arm."""
@@ -95,6 +108,10 @@ def _describe(cell: Cell, with_chest: bool) -> Element:
 
 def _add(body: Element, shape: Shape, *, of_arm: bool) -> None:
     try:
-        add_collision(body, shape.name, of_arm=of_arm, type=shape.kind, size=shape.size, **placed(shape.X))
+        add_collision(
+            body, shape.name, of_arm=of_arm, type=shape.kind, size=shape.size, **placed(shape.X)
+        )
     except ValueError as error:
-        raise ConfigError(f"the hull {shape.name} of the cell cannot be used: {error}", shape.name) from error
+        raise ConfigError(
+            f"the hull {shape.name} of the cell cannot be used: {error}", shape.name
+        ) from error

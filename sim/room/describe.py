@@ -19,7 +19,8 @@ except (ImportError, AttributeError, RuntimeError) as error:
     raise opengl.missing(error) from error
 
 Element = Any
-"""An element of the description. dm_control gives it its attributes at run time, from MuJoCo's schema."""
+"""An element of the description. dm_control gives it its attributes at run time, from MuJoCo's
+schema."""
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
 ARM_BIT, SURROUNDINGS_BIT = 1, 2
@@ -40,11 +41,17 @@ def add_material(
     image: UInt8[np.ndarray, "h w 3"] | None = None,
 ) -> Element:
     """A material of one colour or with a picture; `shine` is its specular share."""
-    texture = None if image is None else root.asset.add("texture", name=name, type="2d", file=_png(image))
-    return root.asset.add("material", name=name, rgba=rgba, specular=shine, shininess=shine, texture=texture)
+    texture = (
+        None if image is None else root.asset.add("texture", name=name, type="2d", file=_png(image))
+    )
+    return root.asset.add(
+        "material", name=name, rgba=rgba, specular=shine, shininess=shine, texture=texture
+    )
 
 
-def add_materials(root: Element, looks: dict[str, tuple[tuple[float, float, float, float], float]]) -> None:
+def add_materials(
+    root: Element, looks: dict[str, tuple[tuple[float, float, float, float], float]]
+) -> None:
     """Materials of one colour by name, each with its specular share."""
     for name, (rgba, shine) in looks.items():
         add_material(root, name, rgba, shine)
@@ -58,19 +65,32 @@ def _png(image: UInt8[np.ndarray, "h w 3"]) -> mjcf.Asset:
 def add_visual(body: Element, name: str, mesh: trimesh.Trimesh, material: str) -> None:
     """A shape that is seen but neither weighs nor touches anything."""
     contents = mesh.export(file_type="stl")
-    asset = body.root.asset.add("mesh", name=name, file=mjcf.Asset(contents, ".stl"), inertia="shell")
+    asset = body.root.asset.add(
+        "mesh", name=name, file=mjcf.Asset(contents, ".stl"), inertia="shell"
+    )
     add_mesh_geom(body, asset, material)
 
 
 def add_mesh_geom(body: Element, asset: Element, material: str) -> None:
     """Show a mesh that was already described."""
-    body.add("geom", type="mesh", mesh=asset, material=material, group=VISUAL_GROUP, contype=0, conaffinity=0, mass=0)
+    body.add(
+        "geom",
+        type="mesh",
+        mesh=asset,
+        material=material,
+        group=VISUAL_GROUP,
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )
 
 
 def add_collision(body: Element, name: str, *, of_arm: bool, **shape: object) -> None:
     """A shape that touches but is not seen and does not weigh."""
     own, other = (ARM_BIT, SURROUNDINGS_BIT) if of_arm else (SURROUNDINGS_BIT, ARM_BIT)
-    body.add("geom", name=name, group=COLLISION_GROUP, contype=own, conaffinity=other, mass=0, **shape)
+    body.add(
+        "geom", name=name, group=COLLISION_GROUP, contype=own, conaffinity=other, mass=0, **shape
+    )
 
 
 def compiled(root: Element) -> mujoco.MjModel:

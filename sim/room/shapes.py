@@ -12,13 +12,17 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 
 SECTIONS = 64
-"""Facets around every turned shape: its silhouette then departs from a circle by .1% of the radius."""
+"""Facets around every turned shape: its silhouette then departs from a circle by .1% of the
+radius."""
 
 Point = tuple[float, float, float]
 Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-MINUS_X, MINUS_Y, MINUS_Z = (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
+MINUS_X = (-1.0, 0.0, 0.0)
+MINUS_Y = (0.0, -1.0, 0.0)
+MINUS_Z = (0.0, 0.0, -1.0)
 Profile = list[tuple[float, float]]
-"""Outline (radius, height) [m] of a turned shape, from the axis at the bottom to the axis at the top."""
+"""Outline (radius, height) [m] of a turned shape, from the axis at the bottom to the axis at the
+top."""
 
 
 def lathe(profile: Profile) -> trimesh.Trimesh:
@@ -42,12 +46,23 @@ def tube(start_radius: float, end_radius: float, length: float) -> trimesh.Trime
 
 def cap(radius: float, height: float) -> trimesh.Trimesh:
     """A lid: a short straight rim, a rounded shoulder and a flat, shallow dish inside it."""
-    rim, shoulder, dish = 0.35 * height, 0.18 * radius, 0.12 * height
+    rim = 0.35 * height
+    shoulder = 0.18 * radius
+    dish = 0.12 * height
     angle = np.linspace(0, np.pi / 2, 8)
-    rounding = [(radius - shoulder * (1 - np.cos(a)), rim + (height - rim) * np.sin(a)) for a in angle]
+    rounding = [
+        (radius - shoulder * (1 - np.cos(a)), rim + (height - rim) * np.sin(a)) for a in angle
+    ]
     inner = radius - shoulder - 0.08 * radius
     return lathe(
-        [(0.0, 0.0), (radius, 0.0), *rounding, (inner, height), (inner - 0.004, height - dish), (0.0, height - dish)]
+        [
+            (0.0, 0.0),
+            (radius, 0.0),
+            *rounding,
+            (inner, height),
+            (inner - 0.004, height - dish),
+            (0.0, height - dish),
+        ]
     )
 
 
@@ -62,15 +77,21 @@ def loft(rings: Float[np.ndarray, "k n 3"]) -> trimesh.Trimesh:
         faces += [np.stack([low + second, high + second, high + first], 1)]
     bottom, top = count * around, count * around + 1
     faces += [np.stack([np.full(around, bottom), second, first], 1)]
-    faces += [np.stack([np.full(around, top), bottom - around + first, bottom - around + second], 1)]
+    faces += [
+        np.stack([np.full(around, top), bottom - around + first, bottom - around + second], 1)
+    ]
     vertices = np.vstack([rings.reshape(-1, 3), rings[0].mean(0), rings[-1].mean(0)])
     mesh = trimesh.Trimesh(vertices, np.vstack(faces), process=False)
     mesh.fix_normals()
     return mesh
 
 
-def superellipse(half_x: float, half_y: float, exponent: float, around: int = SECTIONS) -> Float[np.ndarray, "n 2"]:
-    """Points on |x / half_x|^exponent + |y / half_y|^exponent = 1: a rectangle with soft corners where exponent > 2."""
+def superellipse(
+    half_x: float, half_y: float, exponent: float, around: int = SECTIONS
+) -> Float[np.ndarray, "n 2"]:
+    """Points on |x / half_x|^exponent + |y / half_y|^exponent = 1: a rectangle with soft corners
+    where exponent > 2.
+    """
     angle = np.linspace(0, 2 * np.pi, around, endpoint=False)
     wave = np.stack([np.cos(angle), np.sin(angle)], 1)
     return np.array([half_x, half_y]) * np.sign(wave) * np.abs(wave) ** (2 / exponent)

@@ -5,7 +5,14 @@ import trimesh
 from jaxtyping import Float, UInt8
 
 from breastscan.geometry import se3
-from sim.room.describe import Element, add_collision, add_material, add_materials, add_mesh_geom, add_visual
+from sim.room.describe import (
+    Element,
+    add_collision,
+    add_material,
+    add_materials,
+    add_mesh_geom,
+    add_visual,
+)
 from sim.room.shapes import Z, along, barrel, joined, loft, moved, superellipse
 from sim.tissue.phantom import PLATE_SIDE
 
@@ -19,11 +26,13 @@ PLATE_ROUNDING = 0.045
 """Radius of the chest plate's shoulders [m]."""
 STANDING_ROOM_X = (0.30, 0.78)
 STANDING_ROOM_Y = (-0.27, 0.27)
-"""Where the middle of the chest plate may stand without touching the robot, the stand or the table's edge, in B [m]."""
+"""Where the middle of the chest plate may stand without touching the robot, the stand or the
+table's edge, in B [m]."""
 POST_X, POST_RADIUS = 1.03, 0.022
 """The camera stand's post, behind the phantom and outside both cameras' view [m]."""
 LIT_CENTRE, LIT_RADIUS = (0.40, 0.0, 0.20), 1.1
-"""What casts shadows: the shadow map covers a square of this half side about this point in B [m]."""
+"""What casts shadows: the shadow map covers a square of this half side about this point in B
+[m]."""
 KEY_DISTANCE = 2.0
 """Distance of the key light from that point [m]."""
 BOOM_CLEARANCE = 0.075
@@ -44,8 +53,8 @@ FINE_NUMBERS = {
     "fallback.scene_light_intensity": 70000.0,
 }
 FINE_WORDS = {"cg.tone_mapping": "filmic", "shadows.type": "pcss"}
-"""Light and tone under the physically based renderer (`sim.cameras.filament`, Studio), by eye; the classic
-one ignores them."""
+"""Light and tone under the physically based renderer (`sim.cameras.filament`, Studio), by eye; the
+classic one ignores them."""
 CHEST_HULL = "chest_hull"
 """Name of the chest plate's collision shape."""
 
@@ -59,7 +68,9 @@ def add_room(root: Element) -> None:
     _add_table(root.worldbody)
 
 
-def add_chest(root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarray, "h w 3"] | None) -> Element:
+def add_chest(
+    root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarray, "h w 3"] | None
+) -> Element:
     """The chest plate, its flat top in the plane z_S = 0.
 
     Args:
@@ -73,14 +84,18 @@ def add_chest(root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarr
     chest = root.worldbody.add("body", name="phantom", mocap=True, pos=p_BS)
     height = p_BS[2]
     half = np.array([*PLATE_HALF, height / 2])
-    add_collision(chest, CHEST_HULL, of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2))
+    add_collision(
+        chest, CHEST_HULL, of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2)
+    )
     if image is not None:
         add_material(root, "chest", image=image)
         _add_torso(chest, height)
     return chest
 
 
-def add_stand(root: Element, X_BL: Float[np.ndarray, "4 4"], X_BR: Float[np.ndarray, "4 4"]) -> None:
+def add_stand(
+    root: Element, X_BL: Float[np.ndarray, "4 4"], X_BR: Float[np.ndarray, "4 4"]
+) -> None:
     """The two cameras at their poses, on a boom from a post behind the phantom."""
     stand = root.worldbody.add("body", name="stand")
     for side, X_BC in (("left", X_BL), ("right", X_BR)):
@@ -94,14 +109,31 @@ def _add_lights(root: Element) -> None:
     """A key light with shadow from beside the table, and two fills without."""
     direction = np.array([-0.40, 0.62, -0.85]) / np.linalg.norm([-0.40, 0.62, -0.85])
     root.worldbody.add(
-        "light", name="key", type="directional", pos=np.array(LIT_CENTRE) - KEY_DISTANCE * direction, dir=direction,
-        castshadow=True, diffuse=(0.54, 0.53, 0.51), specular=(0.25, 0.25, 0.25), ambient=(0.0, 0.0, 0.0),
-    )  # fmt: skip
-    for name, direction, level in (("fill", (-0.5, -0.6, -0.8), 0.18), ("back", (0.8, 0.3, -0.5), 0.14)):
+        "light",
+        name="key",
+        type="directional",
+        pos=np.array(LIT_CENTRE) - KEY_DISTANCE * direction,
+        dir=direction,
+        castshadow=True,
+        diffuse=(0.54, 0.53, 0.51),
+        specular=(0.25, 0.25, 0.25),
+        ambient=(0.0, 0.0, 0.0),
+    )
+    for name, direction, level in (
+        ("fill", (-0.5, -0.6, -0.8), 0.18),
+        ("back", (0.8, 0.3, -0.5), 0.14),
+    ):
         root.worldbody.add(
-            "light", name=name, type="directional", pos=(0.0, 0.0, 2), dir=direction, castshadow=False,
-            diffuse=(level, level, 1.06 * level), specular=(0.1, 0.1, 0.1), ambient=(0.0, 0.0, 0.0),
-        )  # fmt: skip
+            "light",
+            name=name,
+            type="directional",
+            pos=(0.0, 0.0, 2),
+            dir=direction,
+            castshadow=False,
+            diffuse=(level, level, 1.06 * level),
+            specular=(0.1, 0.1, 0.1),
+            ambient=(0.0, 0.0, 0.0),
+        )
 
 
 def _add_fine_looks(root: Element) -> None:
@@ -117,14 +149,36 @@ def _add_floor(root: Element) -> None:
         rgb1=(0.80, 0.84, 0.88), rgb2=(0.50, 0.55, 0.60), width=256, height=256,
     )  # fmt: skip
     tiles = root.asset.add(
-        "texture", name="tiles", type="2d", builtin="flat", mark="edge",
-        rgb1=(0.60, 0.63, 0.65), rgb2=(0.60, 0.63, 0.65), markrgb=(0.52, 0.55, 0.57), width=512, height=512,
-    )  # fmt: skip
-    root.asset.add("material", name="tiles", texture=tiles, texrepeat=(2, 2), texuniform=True, specular=0, shininess=0)
+        "texture",
+        name="tiles",
+        type="2d",
+        builtin="flat",
+        mark="edge",
+        rgb1=(0.60, 0.63, 0.65),
+        rgb2=(0.60, 0.63, 0.65),
+        markrgb=(0.52, 0.55, 0.57),
+        width=512,
+        height=512,
+    )
+    root.asset.add(
+        "material",
+        name="tiles",
+        texture=tiles,
+        texrepeat=(2, 2),
+        texuniform=True,
+        specular=0,
+        shininess=0,
+    )
     root.worldbody.add(
-        "geom", name="floor", type="plane", size=(6, 6, 0.1), pos=(0, 0, -TABLE_HEIGHT), material="tiles",
-        contype=0, conaffinity=0,
-    )  # fmt: skip
+        "geom",
+        name="floor",
+        type="plane",
+        size=(6, 6, 0.1),
+        pos=(0, 0, -TABLE_HEIGHT),
+        material="tiles",
+        contype=0,
+        conaffinity=0,
+    )
 
 
 def _add_table(world: Element) -> None:
@@ -141,7 +195,14 @@ def _add_table(world: Element) -> None:
     add_visual(table, "table_top", top, "table_top")
     add_visual(table, "table_frame", joined(frame, *legs), "table_edge")
     box = (*half, TABLE_THICKNESS / 2)
-    add_collision(table, "table_hull", of_arm=False, type="box", size=box, pos=(0.0, 0.0, -TABLE_THICKNESS / 2))
+    add_collision(
+        table,
+        "table_hull",
+        of_arm=False,
+        type="box",
+        size=box,
+        pos=(0.0, 0.0, -TABLE_THICKNESS / 2),
+    )
 
 
 def _slab(half: Float[np.ndarray, "2"], bottom: float, top: float) -> trimesh.Trimesh:
@@ -149,11 +210,15 @@ def _slab(half: Float[np.ndarray, "2"], bottom: float, top: float) -> trimesh.Tr
     outline = superellipse(half[0], half[1], 14.0, around=160)
     edge = 0.003
     rings = ((bottom, 1.0), (top - edge, 1.0), (top, 1 - edge / half.max()))
-    return loft(np.array([np.column_stack([s * outline, np.full(len(outline), z)]) for z, s in rings]))
+    return loft(
+        np.array([np.column_stack([s * outline, np.full(len(outline), z)]) for z, s in rings])
+    )
 
 
 def _add_torso(chest: Element, height: float) -> None:
-    """A flat-topped block whose shoulders roll off to the table; its picture is unrolled over them."""
+    """A flat-topped block whose shoulders roll off to the table; its picture is unrolled over
+    them.
+    """
     outline = superellipse(*PLATE_HALF, 5.0, around=160)
     outward = outline / np.linalg.norm(outline, axis=1, keepdims=True)
     rounding = min(PLATE_ROUNDING, height)
@@ -162,21 +227,32 @@ def _add_torso(chest: Element, height: float) -> None:
     drop = np.append(rounding * (1 - np.cos(angle)), height)
     unrolled = np.append(rounding * angle, rounding * (np.pi / 2 - 1) + height)
     rings = np.array(
-        [np.column_stack([outline + g * outward, np.full(160, -z)]) for g, z in zip(grow, drop, strict=True)]
+        [
+            np.column_stack([outline + g * outward, np.full(160, -z)])
+            for g, z in zip(grow, drop, strict=True)
+        ]
     )
     flat = np.array([outline + way * outward for way in unrolled])
     mesh = loft(rings)
     texcoord = 0.5 + np.vstack([flat.reshape(-1, 2), [[0, 0], [0, 0]]]) / PLATE_SIDE
     asset = chest.root.asset.add(
-        "mesh", name="chest", vertex=mesh.vertices.ravel(), face=mesh.faces.ravel(), texcoord=texcoord.ravel(),
+        "mesh",
+        name="chest",
+        vertex=mesh.vertices.ravel(),
+        face=mesh.faces.ravel(),
+        texcoord=texcoord.ravel(),
         inertia="shell",
-    )  # fmt: skip
+    )
     add_mesh_geom(chest, asset, "chest")
 
 
 def _housing() -> trimesh.Trimesh:
-    """A machine-vision camera in its own frame (z forward, optical centre at the origin) with its lens."""
-    body = trimesh.creation.box((0.046, 0.046, 0.060), se3.pose(np.eye(3), np.array([0, 0, -0.064])))
+    """A machine-vision camera in its own frame (z forward, optical centre at the origin) with
+    its lens.
+    """
+    body = trimesh.creation.box(
+        (0.046, 0.046, 0.060), se3.pose(np.eye(3), np.array([0, 0, -0.064]))
+    )
     lens = along(barrel(0.0185, 0.034, 0.002), Z, (0.0, 0.0, -0.036))
     ring = along(barrel(0.0205, 0.010, 0.001), Z, (0.0, 0.0, -0.024))
     return joined(body, lens, ring)
@@ -201,12 +277,26 @@ def _add_boom(stand: Element, middle: Float[np.ndarray, "3"]) -> None:
     for name, (start, end, radius) in rails.items():
         span = np.subtract(end, start)
         length = float(np.linalg.norm(span))
-        add_visual(stand, name, along(barrel(radius, length, 0.003), tuple(span / length), start), "rail")
-        add_collision(stand, f"{name}_hull", of_arm=False, type="capsule", fromto=(*start, *end), size=(radius,))
+        add_visual(
+            stand, name, along(barrel(radius, length, 0.003), tuple(span / length), start), "rail"
+        )
+        add_collision(
+            stand,
+            f"{name}_hull",
+            of_arm=False,
+            type="capsule",
+            fromto=(*start, *end),
+            size=(radius,),
+        )
     foot = along(barrel(0.06, 0.012, 0.002), Z, (POST_X, middle[1], 0.0))
     clamp = along(barrel(0.034, 0.07, 0.004), Z, (POST_X, middle[1], height - 0.035))
     add_visual(stand, "stand_joints", joined(foot, clamp), "table_edge")
     size = (0.03, 0.085, 0.055)
     add_collision(
-        stand, "cameras_hull", of_arm=False, type="box", size=size, pos=(middle[0], middle[1], middle[2] + 0.045)
+        stand,
+        "cameras_hull",
+        of_arm=False,
+        type="box",
+        size=size,
+        pos=(middle[0], middle[1], middle[2] + 0.045),
     )

@@ -1,9 +1,10 @@
 """The breast's classes: proportions by VICTRE's closed form, laid down for a patient on her back.
 
-VICTRE's breast phantom is a superellipsoid with half axes scale a1^e1 (head to foot), scale a2^e1 (across) and
-scale a3^e1 (outwards), by class of density [VICTRE]. Two things change here. Lying down, the breast keeps its volume
-but spreads: the height falls to `SUPINE_ASPECT` mean radii and the base grows. And the superellipse's profile, whose
-curvature is infinite at the tip, gives way to a smooth one of equal volume (`BreastShape.roundness`).
+VICTRE's breast phantom is a superellipsoid with half axes scale a1^e1 (head to foot), scale a2^e1
+(across) and scale a3^e1 (outwards), by class of density [VICTRE]. Two things change here. Lying
+down, the breast keeps its volume but spreads: the height falls to `SUPINE_ASPECT` mean radii and
+the base grows. And the superellipse's profile, whose curvature is infinite at the tip, gives way to
+a smooth one of equal volume (`BreastShape.roundness`).
 """
 
 from dataclasses import dataclass
@@ -22,21 +23,25 @@ BreastClass = Literal["standard", "dense", "heterogeneous", "scattered", "fatty"
 
 @dataclass(frozen=True, kw_only=True)
 class BreastShape:
-    """Numbers of one breast before any variation; lengths in m. x points to the feet, y away from the sternum."""
+    """Numbers of one breast before any variation; lengths in m. x points to the feet, y away
+    from the sternum.
+    """
 
     radius: float
     """Mean radius of the base [m]."""
     height: float
     """Height of the nipple's tip above the chest plate [m]."""
     roundness: float
-    """Bulge of the flanks [-]: 0 is a paraboloid, (height / radius)^2 a cap of a sphere, 1 half an ellipsoid, whose rim
-    stands upright on the chest. Lying on the back, a breast runs out into the chest."""
+    """Bulge of the flanks [-]: 0 is a paraboloid, (height / radius)^2 a cap of a sphere, 1 half an
+    ellipsoid, whose rim stands upright on the chest. Lying on the back, a breast runs out into the
+    chest."""
     elongation: float
     """Half the relative difference of the base's width (y) and length (x) [-]."""
     quadrants: tuple[float, float] = (0.05, 0.03)
     """Relative surplus of the lower (x) and of the outer (y) half over the mean radius [-]."""
     ptosis: tuple[float, float] = (0.05, 1.0)
-    """Sag towards the feet: linear [-] and quadratic [1/m] in the height: a quarter of VICTRE's, which stands."""
+    """Sag towards the feet: linear [-] and quadratic [1/m] in the height: a quarter of VICTRE's,
+    which stands."""
     turn: tuple[float, float] = (0.03, 0.5)
     """Lean away from the sternum: linear [-] and quadratic [1/m] in the height."""
     nipple_height: float = 0.003
@@ -56,9 +61,14 @@ def supine(a1: float, a2: float, a3: float, e1: float) -> BreastShape:
     volume = np.pi * length * width * projection * bulk
     elongation = float((width - length) / (width + length))
     bumps = BreastShape.nipple_height + BreastShape.areola_height
-    radius = np.roots([SUPINE_ASPECT, -bumps, 0.0, -volume / (np.pi * (1 - elongation**2) * bulk)])[0].real
+    radius = np.roots([SUPINE_ASPECT, -bumps, 0.0, -volume / (np.pi * (1 - elongation**2) * bulk)])[
+        0
+    ].real
     return BreastShape(
-        radius=float(radius), height=float(SUPINE_ASPECT * radius), roundness=float(6 * bulk - 3), elongation=elongation
+        radius=float(radius),
+        height=float(SUPINE_ASPECT * radius),
+        roundness=float(6 * bulk - 3),
+        elongation=elongation,
     )
 
 
@@ -69,6 +79,7 @@ SHAPES: dict[BreastClass, BreastShape] = {
     "scattered": supine(1.4, 1.2, 2.0, 1.2),
     "fatty": supine(1.4, 1.4, 2.75, 1.1),
 }
-"""The standard breast comes near the paper's loop, which is 118 mm by 147 mm across at half height."""
+"""The standard breast comes near the paper's loop, which is 118 mm by 147 mm across at half
+height."""
 
 assert set(SHAPES) == set(get_args(BreastClass))

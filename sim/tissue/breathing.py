@@ -1,6 +1,7 @@
 """The patient breathes: the chest plate, and the breast with it, rises and falls.
 
-It starts at the end of an exhalation, where p_BS holds, and rises by twice the amplitude at the most.
+It starts at the end of an exhalation, where p_BS holds, and rises by twice the amplitude at the
+most.
 """
 
 import math
@@ -25,15 +26,21 @@ class BreathingConfig:
     rate: float = 0.25
     """Breaths a second [Hz]."""
     waveform: Waveform = "sine"
-    """A sine, or the fourth power of a cosine, which dwells at the end of the exhalation as people do [Lujan]."""
+    """A sine, or the fourth power of a cosine, which dwells at the end of the exhalation as people
+    do [Lujan]."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.amplitude <= LARGEST_AMPLITUDE:
-            raise ConfigError(f"amplitude must lie in 0 .. {LARGEST_AMPLITUDE} m, got {self.amplitude} m", self)
+            raise ConfigError(
+                f"amplitude must lie in 0 .. {LARGEST_AMPLITUDE} m, got {self.amplitude} m", self
+            )
         if not 0 < self.rate <= FASTEST_RATE:
             raise ConfigError(f"rate must lie in (0, {FASTEST_RATE}] Hz, got {self.rate} Hz", self)
         if self.waveform not in get_args(Waveform):
-            raise ConfigError(f"waveform must be one of {', '.join(get_args(Waveform))}, got {self.waveform!r}", self)
+            raise ConfigError(
+                f"waveform must be one of {', '.join(get_args(Waveform))}, got {self.waveform!r}",
+                self,
+            )
 
 
 def rise(config: BreathingConfig, time: float) -> float:
@@ -46,4 +53,9 @@ def rising_speed(config: BreathingConfig, time: float) -> float:
     """Derivative of `rise` with respect to time [m/s]."""
     phase = math.pi * config.rate * time
     change = math.pi * config.rate * math.sin(2 * phase)
-    return 2 * config.amplitude * change * (1 if config.waveform == "sine" else 2 * math.sin(phase) ** 2)
+    return (
+        2
+        * config.amplitude
+        * change
+        * (1 if config.waveform == "sine" else 2 * math.sin(phase) ** 2)
+    )

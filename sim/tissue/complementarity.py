@@ -17,7 +17,9 @@ PATIENCE = 3
 
 
 class Solved(NamedTuple):
-    """What is kept of the last solution, to be quicker with the next; every solution overwrites it."""
+    """What is kept of the last solution, to be quicker with the next; every solution overwrites
+    it.
+    """
 
     touching: Bool[np.ndarray, "n"]
     """Of all vertices, those that touch: the next guess."""
@@ -35,10 +37,11 @@ class Solved(NamedTuple):
 @numba.njit(cache=True)
 @no_type_check
 def solve_contact(flexibility, index, gap, solved):
-    """Forces [N] on the candidates such that none pulls and none penetrates: a linear complementarity problem.
+    """Forces [N] on the candidates such that none pulls and none penetrates: a linear
+    complementarity problem.
 
-    Block pivoting from the vertices that touched last time; a positive definite flexibility has one solution only, so
-    the guess changes the time it takes, never the forces.
+    Block pivoting from the vertices that touched last time; a positive definite flexibility has one
+    solution only, so the guess changes the time it takes, never the forces.
 
     Args:
         flexibility: Of all vertices [m/N].
@@ -61,7 +64,8 @@ def solve_contact(flexibility, index, gap, solved):
         if len(wrong) < fewest:
             fewest, patience = len(wrong), PATIENCE
         patience -= 1
-        for i in wrong if patience >= 0 else wrong[-1:]:  # one at a time is Murty's rule: slow but sure to end
+        # one at a time is Murty's rule: slow but sure to end
+        for i in wrong if patience >= 0 else wrong[-1:]:
             active[i] = not active[i]
     solved.touching[:] = False
     solved.touching[index] = force > 0
@@ -93,10 +97,12 @@ def _wrong_vertices(flexibility, index, gap, active, touching, force):
 @numba.njit(cache=True, fastmath={"reassoc", "contract"})
 @no_type_check
 def _factorise(flexibility, index, gap, active, order, lower):
-    """Cholesky factor of the active candidates' flexibility; the candidates in the order of its rows.
+    """Cholesky factor of the active candidates' flexibility; the candidates in the order of its
+    rows.
 
-    The rows before the first vertex that no longer touches stay. The others follow, the deepest first: those that will
-    leave next come last, so that a sliding probe renews a few rows a period and not all of them.
+    The rows before the first vertex that no longer touches stay. The others follow, the deepest
+    first: those that will leave next come last, so that a sliding probe renews a few rows a period
+    and not all of them.
     """
     touching, first = np.empty(np.sum(active), np.int64), 0
     if len(touching) > len(order):

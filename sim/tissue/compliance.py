@@ -1,7 +1,8 @@
-"""How the skin gives: its displacement everywhere for a unit load anywhere, by quadratic finite elements.
+"""How the skin gives: its displacement everywhere for a unit load anywhere, by quadratic finite
+elements.
 
-The phantom is linear elastic and clamped on the chest plate. The loads are pressures that are 1 at one vertex of the
-skin and fall to 0 at its neighbours, directed along the vertex's inward normal.
+The phantom is linear elastic and clamped on the chest plate. The loads are pressures that are 1 at
+one vertex of the skin and fall to 0 at its neighbours, directed along the vertex's inward normal.
 """
 
 from collections.abc import Callable
@@ -27,7 +28,9 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class SkinCompliance:
-    """The skin's free vertices and their response to loads, for a Young's modulus of 1 Pa (it scales as 1/E)."""
+    """The skin's free vertices and their response to loads, for a Young's modulus of 1 Pa (it
+    scales as 1/E).
+    """
 
     vertices_S: Float[np.ndarray, "n 3"]
     """Vertices of the finite elements on the skin, without the clamped border [m]."""
@@ -38,13 +41,16 @@ class SkinCompliance:
     areas: Float[np.ndarray, "n"]
     """Area over which each vertex's unit load acts [m^2]."""
     response_S: Float32[np.ndarray, "n n 3"]
-    """[j, i]: displacement in S of vertex i for an inward normal force of 1 N spread around vertex j [m]."""
+    """[j, i]: displacement in S of vertex i for an inward normal force of 1 N spread around vertex
+    j [m]."""
     remainder: Float[np.ndarray, "n n"]
-    """Inward displacement of vertex i for a unit inward force at vertex j, beyond a half-space's [m/N]; symmetric, and
-    smooth on the diagonal too."""
+    """Inward displacement of vertex i for a unit inward force at vertex j, beyond a half-space's
+    [m/N]; symmetric, and smooth on the diagonal too."""
 
     def scaled(self, factor: float) -> "SkinCompliance":
-        """That of a body of the same shape, `factor` times as large: it gives less by as much, for the same force."""
+        """That of a body of the same shape, `factor` times as large: it gives less by as much,
+        for the same force.
+        """
         return replace(
             self,
             vertices_S=self.vertices_S * factor,
@@ -54,11 +60,14 @@ class SkinCompliance:
         )
 
 
-def compute_compliance(phantom: Phantom, skin_points: int, progress: Tell | None = None) -> SkinCompliance:
-    """Solve the finite elements once for every vertex of the skin; twice where the tissue has layers.
+def compute_compliance(
+    phantom: Phantom, skin_points: int, progress: Tell | None = None
+) -> SkinCompliance:
+    """Solve the finite elements once for every vertex of the skin; twice where the tissue has
+    layers.
 
-    The layers' own part of the flexibility, the difference from homogeneous tissue on the same mesh, is smooth: the
-    elements' errors near a load, where both have the same fat, cancel.
+    The layers' own part of the flexibility, the difference from homogeneous tissue on the same
+    mesh, is smooth: the elements' errors near a load, where both have the same fat, cancel.
 
     Args:
         phantom: The shape, Poisson's ratio and the layers.
@@ -71,7 +80,9 @@ def compute_compliance(phantom: Phantom, skin_points: int, progress: Tell | None
     skin = np.nonzero(mesh.skin & (mesh.direction[:, 2] > 0))[0]
     vertices_S, normals_S = mesh.nodes_S[skin], phantom.normal(mesh.direction[skin])
     basis = skfem.Basis(
-        skfem.MeshTet(np.ascontiguousarray(mesh.nodes_S.T), np.ascontiguousarray(mesh.tetrahedra.T)),
+        skfem.MeshTet(
+            np.ascontiguousarray(mesh.nodes_S.T), np.ascontiguousarray(mesh.tetrahedra.T)
+        ),
         skfem.ElementVector(skfem.ElementTetP2()),
         intorder=2,
     )
@@ -79,7 +90,8 @@ def compute_compliance(phantom: Phantom, skin_points: int, progress: Tell | None
     forces, loads = _loads(basis, facets, skin, normals_S)
     poisson, layered = phantom.config.poisson, phantom.config.layers.present
     tell(0.1, "solving the tissue's elasticity")
-    with threadpool_limits(1):  # the fronts are small, and threads that wait for each other cost more than they bring
+    # the fronts are small, and threads that wait for each other cost more than they bring
+    with threadpool_limits(1):
         response_S = _respond(basis, _stiffness(basis, phantom, layered=False), forces, skin)
         plain = _inward(response_S, normals_S)
         remainder = half_space.smooth_remainder(plain, vertices_S, normals_S, loads, poisson)
@@ -110,24 +122,35 @@ def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.
     points_S = np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1)
     ratio = np.ones(points_S.shape[:-1])
     if layered:
-        ratio = modulus_ratio(phantom.config.layers, phantom.unembed(points_S), points_S, phantom.radius)
+        ratio = modulus_ratio(
+            phantom.config.layers, phantom.unembed(points_S), points_S, phantom.radius
+        )
     first, second = lame_parameters(1.0, phantom.config.poisson)
 
     def energy(u, v, w):
         strain = sym_grad(u)
-        return w.ratio * (2 * second * ddot(strain, sym_grad(v)) + first * trace(strain) * trace(sym_grad(v)))
+        return w.ratio * (
+            2 * second * ddot(strain, sym_grad(v)) + first * trace(strain) * trace(sym_grad(v))
+        )
 
     return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(basis, ratio=ratio))
 
 
-def _membrane(basis: skfem.Basis, facets: Int[np.ndarray, "k"], phantom: Phantom) -> scipy.sparse.csr_array:
-    """Stiffness of the skin in its own plane, in plane stress: the strain's part in the facets [N/m]."""
+def _membrane(
+    basis: skfem.Basis, facets: Int[np.ndarray, "k"], phantom: Phantom
+) -> scipy.sparse.csr_array:
+    """Stiffness of the skin in its own plane, in plane stress: the strain's part in the facets
+    [N/m].
+    """
     poisson = phantom.config.poisson
     stretching = phantom.config.layers.skin_ratio * SKIN_THICKNESS / (1 - poisson**2)
 
     def energy(u, v, w):
         in_plane = np.eye(3)[:, :, None, None] - w.n[:, None] * w.n[None]
-        a, b = (np.einsum("ijeq,jkeq,kleq->ileq", in_plane, sym_grad(field), in_plane) for field in (u, v))
+        a, b = (
+            np.einsum("ijeq,jkeq,kleq->ileq", in_plane, sym_grad(field), in_plane)
+            for field in (u, v)
+        )
         return stretching * ((1 - poisson) * ddot(a, b) + poisson * trace(a) * trace(b))
 
     surface = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=2)
@@ -142,7 +165,9 @@ def _loads(
 ) -> tuple[Float[np.ndarray, "d n"], Loads]:
     """The vertices' loads, and the consistent nodal forces of each of them, one column each [N]."""
     vector = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=3)
-    hats = skfem.FacetBasis(basis.mesh, skfem.ElementVector(skfem.ElementTetP1()), facets=facets, intorder=3)
+    hats = skfem.FacetBasis(
+        basis.mesh, skfem.ElementVector(skfem.ElementTetP1()), facets=facets, intorder=3
+    )
     traction = skfem.BilinearForm(lambda u, v, _: dot(u, v)).assemble(hats, vector).tocsc()
     hat_dofs = np.asarray(hats.nodal_dofs)[:, skin]
     inward = scipy.sparse.csc_array(
@@ -153,7 +178,9 @@ def _loads(
     first = skfem.LinearForm(lambda v, w: dot(v, w.x)).assemble(hats)[hat_dofs].T
     second = skfem.LinearForm(lambda v, w: v[0] * dot(w.x, w.x)).assemble(hats)[hat_dofs[0]]
     centres_S = first / areas[:, None]
-    loads = Loads(areas=areas, centres_S=centres_S, moments=second / areas - np.sum(centres_S**2, axis=1))
+    loads = Loads(
+        areas=areas, centres_S=centres_S, moments=second / areas - np.sum(centres_S**2, axis=1)
+    )
     return scipy.sparse.csc_array(traction @ inward).toarray() / areas, loads
 
 
@@ -173,10 +200,13 @@ def _respond(
     return displacement.transpose(2, 0, 1)
 
 
-def _inward(response_S: Float[np.ndarray, "n n 3"], normals_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n n"]:
+def _inward(
+    response_S: Float[np.ndarray, "n n 3"], normals_S: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n n"]:
     """Inward displacement of vertex i for 1 N of load j [m/N].
 
-    A point answers to a spread load, so Maxwell's reciprocity is kept to the order of the mesh only; the contact needs
-    it exactly to conserve energy, so what is made of this is made symmetric.
+    A point answers to a spread load, so Maxwell's reciprocity is kept to the order of the mesh
+    only; the contact needs it exactly to conserve energy, so what is made of this is made
+    symmetric.
     """
     return -np.einsum("jic,ic->ij", response_S, normals_S)

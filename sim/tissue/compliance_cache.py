@@ -1,4 +1,6 @@
-"""The tissue's compliance kept on disk: it takes seconds to compute, and one serves every size and every stiffness."""
+"""The tissue's compliance kept on disk: it takes seconds to compute, and one serves every size
+and every stiffness.
+"""
 
 import hashlib
 import os
@@ -27,7 +29,9 @@ DECIMALS = 9
 def cached_compliance(
     phantom: Phantom, skin_points: int, progress: Callable[[float, str], None] | None = None
 ) -> SkinCompliance:
-    """The phantom's compliance, from the user's cache directory if it is there and sound, else computed and kept."""
+    """The phantom's compliance, from the user's cache directory if it is there and sound, else
+    computed and kept.
+    """
     folder = platformdirs.user_cache_path("breastscan")
     path = folder / f"tissue-{_key(phantom, skin_points)}.npz"
     unit = _load(path)
@@ -39,11 +43,15 @@ def cached_compliance(
 
 
 def _key(phantom: Phantom, skin_points: int) -> str:
-    """Hash of all that the compliance of a breast with a radius of 1 m depends on: its mesh and its tissues."""
+    """Hash of all that the compliance of a breast with a radius of 1 m depends on: its mesh and
+    its tissues.
+    """
     mesh, layers = mesh_phantom(phantom, skin_points), phantom.config.layers
     ratio = modulus_ratio(layers, mesh.direction, mesh.nodes_S, phantom.radius)
     skin_ratio = layers.skin_ratio * SKIN_THICKNESS / phantom.radius
-    digest = hashlib.sha256(repr((FORMAT, phantom.config.poisson, round(skin_ratio, DECIMALS))).encode())
+    digest = hashlib.sha256(
+        repr((FORMAT, phantom.config.poisson, round(skin_ratio, DECIMALS))).encode()
+    )
     digest.update(np.round(mesh.nodes_S / phantom.radius, DECIMALS).tobytes())
     digest.update(np.round(ratio, DECIMALS).tobytes())
     digest.update(mesh.tetrahedra.tobytes())
@@ -58,7 +66,9 @@ def _load(path: Path) -> SkinCompliance | None:
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
         return None
     count = len(arrays["vertices_S"])
-    sound = arrays["response_S"].shape == (count, count, 3) and np.isfinite(arrays["response_S"]).all()
+    sound = (
+        arrays["response_S"].shape == (count, count, 3) and np.isfinite(arrays["response_S"]).all()
+    )
     return SkinCompliance(**arrays) if sound else None
 
 
@@ -67,7 +77,10 @@ def _save(path: Path, compliance: SkinCompliance) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
         try:
-            np.savez(file, **{field.name: getattr(compliance, field.name) for field in fields(SkinCompliance)})
+            np.savez(
+                file,
+                **{field.name: getattr(compliance, field.name) for field in fields(SkinCompliance)},
+            )
         except BaseException:
             os.unlink(file.name)
             raise
@@ -77,7 +90,9 @@ def _save(path: Path, compliance: SkinCompliance) -> None:
 def _make_room(folder: Path) -> None:
     """Delete the oldest files until the rest takes no more than `MOST_BYTES`."""
     taken = 0
-    for path in sorted(folder.glob("tissue-*.npz"), key=lambda file: file.stat().st_mtime, reverse=True):
+    for path in sorted(
+        folder.glob("tissue-*.npz"), key=lambda file: file.stat().st_mtime, reverse=True
+    ):
         taken += path.stat().st_size
         if taken > MOST_BYTES:
             path.unlink(missing_ok=True)

@@ -1,4 +1,6 @@
-"""What a phantom does to the probe that presses it, whatever its mechanics, and the gel between the two."""
+"""What a phantom does to the probe that presses it, whatever its mechanics, and the gel between
+the two.
+"""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 FRICTION_SPEED = 2e-3
-"""Sliding speed beyond which friction is fully there [m/s]; it keeps the force smooth when the motion turns."""
+"""Sliding speed beyond which friction is fully there [m/s]; it keeps the force smooth when the
+motion turns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +48,9 @@ class Mechanics(Protocol):
     """How the phantom answers the probe. It remembers the last press."""
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
-        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, against it."""
+        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom,
+        against it.
+        """
         ...
 
     def deformed_skin(self) -> Float[np.ndarray, "n 3"]:
@@ -64,17 +69,21 @@ class Mechanics(Protocol):
 @numba.njit(cache=True)
 @no_type_check
 def with_motion(elastic_S, torque_S, arm_S, velocity_S, damping, friction):
-    """Force on the probe [N] and torque about its tip [N m], where it moves, from those of the elastic contact alone.
+    """Force on the probe [N] and torque about its tip [N m], where it moves, from those of the
+    elastic contact alone.
 
-    Hunt and Crossley's damping raises the force by the share `damping` [s/m] per speed of indentation while the probe
-    goes in and lets it fall while it comes out, never below zero: the skin does not pull [Hunt]. Coulomb's friction of
-    the gel acts across it, smoothed around rest. Both act in the contact's middle, `arm_S` [m] from the tip.
+    Hunt and Crossley's damping raises the force by the share `damping` [s/m] per speed of
+    indentation while the probe goes in and lets it fall while it comes out, never below zero: the
+    skin does not pull [Hunt]. Coulomb's friction of the gel acts across it, smoothed around rest.
+    Both act in the contact's middle, `arm_S` [m] from the tip.
     """
     force, torque = elastic_S.copy(), torque_S.copy()
     magnitude = math.sqrt(elastic_S[0] ** 2 + elastic_S[1] ** 2 + elastic_S[2] ** 2)
     if magnitude == 0.0:
         return force, torque
-    away = (elastic_S[0] * velocity_S[0] + elastic_S[1] * velocity_S[1] + elastic_S[2] * velocity_S[2]) / magnitude
+    away = (
+        elastic_S[0] * velocity_S[0] + elastic_S[1] * velocity_S[1] + elastic_S[2] * velocity_S[2]
+    ) / magnitude
     added, squared = np.empty(3), FRICTION_SPEED**2
     for i in range(3):
         added[i] = velocity_S[i] - away * elastic_S[i] / magnitude  # the sliding velocity

@@ -1,4 +1,6 @@
-"""Frictionless contact of the probe's face with the skin's vertices, compiled: their gaps, and the forces they bear."""
+"""Frictionless contact of the probe's face with the skin's vertices, compiled: their gaps, and
+the forces they bear.
+"""
 
 from typing import no_type_check
 
@@ -15,8 +17,9 @@ BESIDE = 0.004
 GAP_TOLERANCE = 1e-9
 """Accuracy of a gap [m]."""
 GRAZING, STEEPEST = 0.5, 0.2
-"""Cosines between the skin's inward normal and the face's normal: from the first on, a rounded edge gives way ever more
-in the model, and at the second a vertex cannot touch. So a vertex that slides off an edge is let go softly [-]."""
+"""Cosines between the skin's inward normal and the face's normal: from the first on, a rounded edge
+gives way ever more in the model, and at the second a vertex cannot touch. So a vertex that slides
+off an edge is let go softly [-]."""
 GRAZING_LIFT = 0.016
 """How far a vertex gives way to the grazing face by then [m]."""
 FAR = 1.0
@@ -27,13 +30,25 @@ NEWTON_STEPS = 12
 @numba.njit(cache=True)
 @no_type_check
 def press_skin(
-    face, X_SP, vertices_S, normals_S, flexibility, neighbours, weights, element_response_S, load, first, second
+    face,
+    X_SP,
+    vertices_S,
+    normals_S,
+    flexibility,
+    neighbours,
+    weights,
+    element_response_S,
+    load,
+    first,
+    second,
 ):
-    """The elastic force on the probe [N], its torque about P [N m], the contact's middle [m], depth [m] and vertices.
+    """The elastic force on the probe [N], its torque about P [N m], the contact's middle [m], depth
+    [m] and vertices.
 
-    `load` is overwritten with the vertices' loads [N], `first` and `second` hold what is kept of the two solutions.
-    Solved twice, because a load also moves the skin sideways, and then it meets another part of the face. The sideways
-    motion changes so little in the second round that a third would move the force by less than .2 %.
+    `load` is overwritten with the vertices' loads [N], `first` and `second` hold what is kept of
+    the two solutions. Solved twice, because a load also moves the skin sideways, and then it meets
+    another part of the face. The sideways motion changes so little in the second round that a third
+    would move the force by less than .2 %.
     """
     index = find_near(face, X_SP, vertices_S)
     gap = find_gaps(face, X_SP, vertices_S[index], normals_S[index])
@@ -60,7 +75,10 @@ def find_near(face, X_SP, vertices_S):
     index, count = np.empty(len(vertices_S), np.int64), 0
     for i in range(len(vertices_S)):
         x, y, z = components_P(
-            X_SP, vertices_S[i, 0] - X_SP[0, 3], vertices_S[i, 1] - X_SP[1, 3], vertices_S[i, 2] - X_SP[2, 3]
+            X_SP,
+            vertices_S[i, 0] - X_SP[0, 3],
+            vertices_S[i, 1] - X_SP[1, 3],
+            vertices_S[i, 2] - X_SP[2, 3],
         )
         if abs(x) < half_chord and abs(y) < half_elevation and lowest < z < MARGIN:
             index[count] = i
@@ -71,10 +89,11 @@ def find_near(face, X_SP, vertices_S):
 @numba.njit(cache=True)
 @no_type_check
 def find_gaps(face, X_SP, points_S, normals_S):
-    """Distance of each point along its normal to the face [m]: negative by how far the skin must give way.
+    """Distance of each point along its normal to the face [m]: negative by how far the skin must
+    give way.
 
-    It is inf where the normal misses the face, which it may meet once the skin has moved sideways, and FAR where the
-    face is out of reach.
+    It is inf where the normal misses the face, which it may meet once the skin has moved sideways,
+    and FAR where the face is out of reach.
     """
     gap = np.empty(len(points_S))
     for k in range(len(points_S)):
@@ -90,8 +109,9 @@ def find_gaps(face, X_SP, points_S, normals_S):
 def _distance_inwards(face, x, y, z, ix, iy, iz):
     """How far the point must move along the inward direction to lie on the face [m].
 
-    Newton's method: along a line the distance to a convex solid is convex, so the first step leads out of the probe and
-    the others come down on the face and never pass it. A line that misses the face returns -inf.
+    Newton's method: along a line the distance to a convex solid is convex, so the first step leads
+    out of the probe and the others come down on the face and never pass it. A line that misses the
+    face returns -inf.
     """
     d, gx, gy, gz = distance(face, x, y, z)
     inward = 0.0 if gx * ix + gy * iy + gz * iz > STEEPEST else REACH
@@ -112,20 +132,27 @@ def _distance_inwards(face, x, y, z, ix, iy, iz):
 @numba.njit(cache=True)
 @no_type_check
 def _sideways(normals_S, index, load, neighbours, weights, element_response_S):
-    """How far the loads move the skin across its normals at the vertices `index`, of those normals [m].
+    """How far the loads move the skin across its normals at the vertices `index`, of those normals
+    [m].
 
-    The finite elements answer: [i, j] of `element_response_S` is the displacement of their vertex i for a unit load at
-    j. Loads and displacements pass between them and the skin's vertices by the `weights` of each one's `neighbours`.
+    The finite elements answer: [i, j] of `element_response_S` is the displacement of their vertex i
+    for a unit load at j. Loads and displacements pass between them and the skin's vertices by the
+    `weights` of each one's `neighbours`.
     """
     on_elements = np.zeros(len(element_response_S))
     for k in range(len(index)):
         for a in range(neighbours.shape[1]):
             on_elements[neighbours[index[k], a]] += weights[index[k], a] * load[k]
     loaded = np.nonzero(on_elements)[0]
-    displacement, known = np.empty((len(element_response_S), 3)), np.zeros(len(element_response_S), np.bool_)
+    displacement, known = (
+        np.empty((len(element_response_S), 3)),
+        np.zeros(len(element_response_S), np.bool_),
+    )
     shift = np.empty((len(index), 3))
     for k in range(len(index)):
-        x, y, z = 0.0, 0.0, 0.0
+        x = 0.0
+        y = 0.0
+        z = 0.0
         for a in range(neighbours.shape[1]):
             i, weight = neighbours[index[k], a], weights[index[k], a]
             if not known[i]:
@@ -135,11 +162,9 @@ def _sideways(normals_S, index, load, neighbours, weights, element_response_S):
             y += weight * displacement[i, 1]
             z += weight * displacement[i, 2]
         along = x * normals_S[k, 0] + y * normals_S[k, 1] + z * normals_S[k, 2]
-        shift[k, 0], shift[k, 1], shift[k, 2] = (
-            x - along * normals_S[k, 0],
-            y - along * normals_S[k, 1],
-            z - along * normals_S[k, 2],
-        )
+        shift[k, 0] = x - along * normals_S[k, 0]
+        shift[k, 1] = y - along * normals_S[k, 1]
+        shift[k, 2] = z - along * normals_S[k, 2]
     return shift
 
 
@@ -147,12 +172,16 @@ def _sideways(normals_S, index, load, neighbours, weights, element_response_S):
 @no_type_check
 def _add_up(total, response, on_elements, loaded):
     """The displacement `total` that all loaded elements' vertices together give to one of them."""
-    x, y, z = 0.0, 0.0, 0.0
+    x = 0.0
+    y = 0.0
+    z = 0.0
     for j in loaded:
         x += on_elements[j] * response[j, 0]
         y += on_elements[j] * response[j, 1]
         z += on_elements[j] * response[j, 2]
-    total[0], total[1], total[2] = x, y, z
+    total[0] = x
+    total[1] = y
+    total[2] = z
 
 
 @numba.njit(cache=True)
@@ -160,18 +189,27 @@ def _add_up(total, response, on_elements, loaded):
 def _resultant(points_S, normals_S, gap, force, p_S):
     """Force, torque about `p_S`, middle, depth and number of the contact.
 
-    The reaction to the loads on the tissue: they act along the skin's normals, where the skin meets the face.
+    The reaction to the loads on the tissue: they act along the skin's normals, where the skin meets
+    the face.
     """
-    total, torque, centre = np.zeros(3), np.zeros(3), np.zeros(3)
-    pressed, depth, count = 0.0, 0.0, 0
+    total = np.zeros(3)
+    torque = np.zeros(3)
+    centre = np.zeros(3)
+    pressed = 0.0
+    depth = 0.0
+    count = 0
     for k in range(len(force)):
         if force[k] <= 0:
             continue
-        fx, fy, fz = force[k] * normals_S[k, 0], force[k] * normals_S[k, 1], force[k] * normals_S[k, 2]
+        fx = force[k] * normals_S[k, 0]
+        fy = force[k] * normals_S[k, 1]
+        fz = force[k] * normals_S[k, 2]
         px = points_S[k, 0] + gap[k] * normals_S[k, 0]
         py = points_S[k, 1] + gap[k] * normals_S[k, 1]
         pz = points_S[k, 2] + gap[k] * normals_S[k, 2]
-        x, y, z = px - p_S[0], py - p_S[1], pz - p_S[2]
+        x = px - p_S[0]
+        y = py - p_S[1]
+        z = pz - p_S[2]
         total[0] += fx
         total[1] += fy
         total[2] += fz

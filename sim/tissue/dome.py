@@ -1,8 +1,10 @@
-"""The map from the unit half-ball to the breast and back, compiled: one formula for points in bulk and one by one.
+"""The map from the unit half-ball to the breast and back, compiled: one formula for points in bulk
+and one by one.
 
-`numbers` holds, in this order: the radii along x and y [m], the quadrants' surplus along x and y [-], the lean linear
-in the height along x and y [-], the lean quadratic in it [1/m], the dome's height [m], the nipple's [m], the roundness
-[-], and of nipple and areola the rises [m] and the widths on the half-ball [-].
+`numbers` holds, in this order: the radii along x and y [m], the quadrants' surplus along x and y
+[-], the lean linear in the height along x and y [-], the lean quadratic in it [1/m], the dome's
+height [m], the nipple's [m], the roundness [-], and of nipple and areola the rises [m] and the
+widths on the half-ball [-].
 """
 
 import math
@@ -15,7 +17,9 @@ import numpy as np
 @numba.njit(cache=True)
 @no_type_check
 def embed_point(numbers, x, y, z):
-    """A point of the unit half-ball z >= 0 mapped into the breast, in S [m]; points at distance 1 become the skin."""
+    """A point of the unit half-ball z >= 0 mapped into the breast, in S [m]; points at distance
+    1 become the skin.
+    """
     rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = numbers
     height = dome_height * z + _bump(numbers, x, y) * z * z
     flank = _flank(numbers, height)
@@ -62,14 +66,21 @@ def unembed(numbers, p_S):
 def _bump(numbers, x, y):
     """Rise of nipple and areola [m] over a point of the half-ball's base disc."""
     squared = x * x + y * y
-    nipple, areola, nipple_width, areola_width = numbers[11], numbers[12], numbers[13], numbers[14]
-    return nipple * math.exp(-squared / nipple_width**2) + areola * math.exp(-squared / areola_width**2)
+    nipple = numbers[11]
+    areola = numbers[12]
+    nipple_width = numbers[13]
+    areola_width = numbers[14]
+    return nipple * math.exp(-squared / nipple_width**2) + areola * math.exp(
+        -squared / areola_width**2
+    )
 
 
 @numba.njit(cache=True)
 @no_type_check
 def _flank(numbers, height):
-    """Radius of a level over the half-ellipsoid's [-]: (1 - t)(1 + k t) in place of (1 - t)(1 + t), rooted."""
+    """Radius of a level over the half-ellipsoid's [-]: (1 - t)(1 + k t) in place of (1 - t)(1 +
+    t), rooted.
+    """
     t = max(height / numbers[9], -0.5)  # anything smooth will do below the chest plate
     return math.sqrt((1 + numbers[10] * t) / (1 + t))
 

@@ -1,15 +1,18 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""The phantom as MuJoCo's own deformable solid, for those who want nothing but MuJoCo, with what that costs.
+"""The phantom as MuJoCo's own deformable solid, for those who want nothing but MuJoCo, with what
+that costs.
 
-The solid lives in a small model of its own, beside a copy of the probe's face that is moved by hand: MuJoCo's sensors
-do not see a flex's contacts, so the force is read from the contacts and given to the arm as every mechanics gives it.
+The solid lives in a small model of its own, beside a copy of the probe's face that is moved by
+hand: MuJoCo's sensors do not see a flex's contacts, so the force is read from the contacts and
+given to the arm as every mechanics gives it.
 
-What was tried with MuJoCo 4.0 at 500 Hz. Only the `discrete` integrator is stable. Full tetrahedra lock: with 300
-vertices on the skin they are 40 % too stiff at 2 mm and 30 % too soft at 8 mm, where the face slips between them.
-Quadratic cells diverge. Trilinear cells are stable; at a Poisson's ratio of .45 they lock, at .3 and equal stiffness
-under contact 10 x 10 x 5 of them are 12 to 15 % too stiff from 4 mm on (40 % at 2 mm), at a ninth of real time.
-Layers are left out: a flex has one Young's modulus.
+What was tried with MuJoCo 4.0 at 500 Hz. Only the `discrete` integrator is stable. Full tetrahedra
+lock: with 300 vertices on the skin they are 40 % too stiff at 2 mm and 30 % too soft at 8 mm, where
+the face slips between them. Quadratic cells diverge. Trilinear cells are stable; at a Poisson's
+ratio of .45 they lock, at .3 and equal stiffness under contact 10 x 10 x 5 of them are 12 to 15 %
+too stiff from 4 mm on (40 % at 2 mm), at a ninth of real time. Layers are left out: a flex has one
+Young's modulus.
 """
 
 import mujoco
@@ -40,7 +43,8 @@ STRIDE = 1e-4
 """Longest way of the probe in a step [m]; a press from farther off takes several."""
 MOST_STEPS = 25
 JUMP = 0.01
-"""A probe that has moved farther since the last press comes down along its axis instead, from so far off [m]."""
+"""A probe that has moved farther since the last press comes down along its axis instead, from so
+far off [m]."""
 CONTACT = 'contype="1" conaffinity="1" condim="1" solref="0.004 1" solimp="0.95 0.99 0.001"'
 """Without friction: the gel's is added as for every mechanics."""
 
@@ -55,25 +59,33 @@ class FlexTissue:
             ConfigError: The phantom has layers.
         """
         if phantom.config.layers.present:
-            raise ConfigError('a flex has one stiffness throughout: use mechanics "soft" for layers', phantom.config)
+            raise ConfigError(
+                'a flex has one stiffness throughout: use mechanics "soft" for layers',
+                phantom.config,
+            )
         self._phantom = phantom
         mesh = mesh_phantom(phantom, SKIN_POINTS)
         self._skin = np.flatnonzero(mesh.skin)
         self._undeformed_S = mesh.nodes_S[self._skin]
         self._normals_S = phantom.normal(mesh.direction[self._skin])
-        near, weights = interpolation_weights(mesh.direction[self._skin], phantom.unembed(phantom.skin.vertices_S))
+        near, weights = interpolation_weights(
+            mesh.direction[self._skin], phantom.unembed(phantom.skin.vertices_S)
+        )
         weights[phantom.skin.vertices_S[:, 2] == 0] = 0.0
         corners_S = mesh.nodes_S[skin_triangles(mesh)]
         across_S = np.cross(corners_S[:, 1] - corners_S[:, 0], corners_S[:, 2] - corners_S[:, 0])
         self._area = float(np.linalg.norm(across_S, axis=1).sum() / 2 / len(self._skin))
         self._to_skin = interpolation_matrix(near, weights, len(self._skin))
-        self._model = mujoco.MjModel.from_xml_string(_description(phantom, mesh.nodes_S, mesh.tetrahedra))
+        self._model = mujoco.MjModel.from_xml_string(
+            _description(phantom, mesh.nodes_S, mesh.tetrahedra)
+        )
         self._data = mujoco.MjData(self._model)
         self._face = self._model.geom("face").id
         self.reset()
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
-        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, into the solid.
+        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, into
+        the solid.
 
         Raises:
             RobotError: The solid has diverged.
@@ -88,7 +100,8 @@ class FlexTissue:
             mujoco.mj_step(self._model, self._data)
         if not np.abs(self._data.qvel).max() < np.inf:
             raise RobotError(
-                f"MuJoCo's solid diverged at {self._data.time:.3f} s: make the phantom softer, or use mechanics "
+                f"MuJoCo's solid diverged at {self._data.time:.3f} s: make the phantom softer, or "
+                "use mechanics "
                 '"soft", which cannot',
                 self._data.time,
             )
@@ -105,19 +118,29 @@ class FlexTissue:
         inward = np.einsum("nc,nc->n", self._undeformed_S - self._vertices_S(), self._normals_S)
         depth = max(float(inward.max()), 0.0) if touching else 0.0
         return Contact(
-            force_S=force_S, torque_S=torque_S, depth=depth, vertices=int(np.sum(loads > 0)), centre_S=centre_S
+            force_S=force_S,
+            torque_S=torque_S,
+            depth=depth,
+            vertices=int(np.sum(loads > 0)),
+            centre_S=centre_S,
         )
 
     def deformed_skin(self) -> Float[np.ndarray, "n 3"]:
         """Vertices of the phantom's fine skin mesh in S after the last press [m]."""
-        return self._phantom.skin.vertices_S + self._to_skin @ (self._vertices_S() - self._undeformed_S)
+        return self._phantom.skin.vertices_S + self._to_skin @ (
+            self._vertices_S() - self._undeformed_S
+        )
 
     def patch(self) -> ContactPatch:
-        """The contacts of the last press; an equal share of the skin's triangles belongs to each vertex."""
+        """The contacts of the last press; an equal share of the skin's triangles belongs to each
+        vertex.
+        """
         loads = np.linalg.norm(self._forces_S, axis=1)
         touching = loads > 0
         areas = np.full(int(touching.sum()), self._area)
-        return ContactPatch(points_S=self._points_S[touching], pressure=loads[touching] / self._area, areas=areas)
+        return ContactPatch(
+            points_S=self._points_S[touching], pressure=loads[touching] / self._area, areas=areas
+        )
 
     def reset(self) -> None:
         """Put the solid back at rest, undeformed, the probe far above it."""
@@ -137,17 +160,21 @@ class FlexTissue:
         for k in range(self._data.ncon):
             contact = self._data.contact[k]
             mujoco.mj_contactForce(self._model, self._data, k, force)
-            sign = 1.0 if contact.geom[1] == self._face else -1.0  # the frame's x points from the first to the second
+            # the frame's x points from the first to the second
+            sign = 1.0 if contact.geom[1] == self._face else -1.0
             points_S[k], forces_S[k] = contact.pos, sign * force[0] * contact.frame[:3]
         return points_S, forces_S
 
 
-def _description(phantom: Phantom, nodes_S: Float[np.ndarray, "n 3"], tetrahedra: Int[np.ndarray, "m 4"]) -> str:
+def _description(
+    phantom: Phantom, nodes_S: Float[np.ndarray, "n 3"], tetrahedra: Int[np.ndarray, "m 4"]
+) -> str:
     """The solid and the face in MJCF."""
     config, face = phantom.config, lens(ProbeFace())
     a, b, c, d = nodes_S[tetrahedra].transpose(1, 0, 2)
     volume = float(np.einsum("nc,nc->n", a - d, np.cross(b - d, c - d)).sum() / 6)
-    young = config.young * (1 - POISSON**2) / (1 - config.poisson**2)  # the same stiffness under contact
+    # the same stiffness under contact
+    young = config.young * (1 - POISSON**2) / (1 - config.poisson**2)
     return f"""<mujoco>
       <option timestep="{PERIOD}" integrator="discrete" solver="Newton" gravity="0 0 0"/>
       <size memory="800M"/>
@@ -155,8 +182,9 @@ def _description(phantom: Phantom, nodes_S: Float[np.ndarray, "n 3"], tetrahedra
       <worldbody>
         <body mocap="true" pos="0 0 1"><geom name="face" type="mesh" mesh="face" {CONTACT}/></body>
         <body name="chest">
-          <flexcomp name="solid" type="direct" dim="3" dof="trilinear" cellcount="{_text(np.array(CELLS))}"
-              mass="{DENSITY * abs(volume)}" radius="0" point="{_text(nodes_S)}" element="{_text(tetrahedra)}">
+          <flexcomp name="solid" type="direct" dim="3" dof="trilinear" radius="0"
+              cellcount="{_text(np.array(CELLS))}" mass="{DENSITY * abs(volume)}"
+              point="{_text(nodes_S)}" element="{_text(tetrahedra)}">
             <pin gridrange="0 0 0 {CELLS[0]} {CELLS[1]} 0"/>
             <elasticity young="{young}" poisson="{POISSON}" damping="{DAMPING}"/>
             <contact selfcollide="none" {CONTACT}/>

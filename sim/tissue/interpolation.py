@@ -1,4 +1,6 @@
-"""From the finite elements' vertices to finer points of the skin: smooth local interpolation on the unit hemisphere."""
+"""From the finite elements' vertices to finer points of the skin: smooth local interpolation on
+the unit hemisphere.
+"""
 
 import numpy as np
 import scipy.sparse
@@ -14,18 +16,23 @@ NEIGHBOURS = 12
 def interpolation_weights(
     sources: Float[np.ndarray, "n 3"], targets: Float[np.ndarray, "m 3"]
 ) -> tuple[Int[np.ndarray, "m k"], Float[np.ndarray, "m k"]]:
-    """The sources nearest to each target, and the weights of their values there; all on the unit hemisphere.
+    """The sources nearest to each target, and the weights of their values there; all on the unit
+    hemisphere.
 
-    Cubic radial basis functions with a linear polynomial over the nearest sources, in the target's tangent plane:
-    exact at the sources, and exact for linear fields.
+    Cubic radial basis functions with a linear polynomial over the nearest sources, in the target's
+    tangent plane: exact at the sources, and exact for linear fields.
     """
     near = np.asarray(KDTree(sources).query(targets, NEIGHBOURS)[1])
     offset = sources[near] - targets[:, None]
-    plane = np.stack([np.einsum("nkc,nc->nk", offset, axis) for axis in sphere_axes(targets)], axis=2)
+    plane = np.stack(
+        [np.einsum("nkc,nc->nk", offset, axis) for axis in sphere_axes(targets)], axis=2
+    )
     linear = np.concatenate([np.ones((*near.shape, 1)), plane], axis=2)
     size = NEIGHBOURS + 3
     system = np.zeros((len(targets), size, size))
-    system[:, :NEIGHBOURS, :NEIGHBOURS] = np.linalg.norm(plane[:, :, None] - plane[:, None], axis=-1) ** 3
+    system[:, :NEIGHBOURS, :NEIGHBOURS] = (
+        np.linalg.norm(plane[:, :, None] - plane[:, None], axis=-1) ** 3
+    )
     system[:, :NEIGHBOURS, NEIGHBOURS:] = linear
     system[:, NEIGHBOURS:, :NEIGHBOURS] = linear.transpose(0, 2, 1)
     at_target = np.zeros((len(targets), size, 1))
@@ -39,4 +46,6 @@ def interpolation_matrix(
 ) -> scipy.sparse.csr_array:
     """The same as a matrix that takes the values at all `sources` to the targets."""
     rows = np.repeat(np.arange(len(near)), near.shape[1])
-    return scipy.sparse.csr_array((weights.ravel(), (rows, near.ravel())), shape=(len(near), sources))
+    return scipy.sparse.csr_array(
+        (weights.ravel(), (rows, near.ravel())), shape=(len(near), sources)
+    )

@@ -1,8 +1,9 @@
 """What the breast is made of: fat, a glandular core, a stiff mass, and the skin as a membrane.
 
-All stiffnesses are ratios to the fat's Young's modulus, so that the elasticity is computed once for every modulus. The
-skin is .75 mm thin and many times as stiff as what lies under it: no solid element could resolve it, so it enters as a
-membrane, which resists stretching in its plane and has no stiffness against bending.
+All stiffnesses are ratios to the fat's Young's modulus, so that the elasticity is computed once for
+every modulus. The skin is .75 mm thin and many times as stiff as what lies under it: no solid
+element could resolve it, so it enters as a membrane, which resists stretching in its plane and has
+no stiffness against bending.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,9 @@ from jaxtyping import Float
 
 from breastscan.errors import ConfigError
 
-FAT_YOUNG, GLAND_YOUNG, MASS_YOUNG = 5e3, 15e3, 20e3
+FAT_YOUNG = 5e3
+GLAND_YOUNG = 15e3
+MASS_YOUNG = 20e3
 """Young's moduli of the digital phantom [Pa] [VICTRE]."""
 SKIN_YOUNG = 344e3
 """Young's modulus of breast skin by suction, 195 to 480 kPa [Pa] [Sutradhar]."""
@@ -27,11 +30,13 @@ class LayerConfig:
     """Tissues inside the breast; the default is one homogeneous tissue without skin."""
 
     gland_share: float = 0.0
-    """Size of the glandular core over the breast's, both around the middle of the base [-]; 0 for none."""
+    """Size of the glandular core over the breast's, both around the middle of the base [-]; 0 for
+    none."""
     gland_ratio: float = GLAND_YOUNG / FAT_YOUNG
     """Young's modulus of gland over fat's [-]."""
     skin_ratio: float = 0.0
-    """Young's modulus of the skin over fat's [-]; 0 leaves the skin out, 69 is measured skin over fat."""
+    """Young's modulus of the skin over fat's [-]; 0 leaves the skin out, 69 is measured skin over
+    fat."""
     mass_radius: float = 0.0
     """Radius of a stiff round mass [m]; 0 for none."""
     mass_p_S: tuple[float, float, float] = (0.03, 0.0, 0.025)
@@ -42,14 +47,22 @@ class LayerConfig:
     def __post_init__(self) -> None:
         for name in ("gland_ratio", "mass_ratio"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ConfigError(f"{name} must be positive: no tissue has a stiffness of {getattr(self, name)}", self)
+                raise ConfigError(
+                    f"{name} must be positive: no tissue has a stiffness of {getattr(self, name)}",
+                    self,
+                )
         for name in ("skin_ratio", "mass_radius"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}", self)
         if not 0 <= self.gland_share < 1:
-            raise ConfigError(f"gland_share must lie in [0, 1), got {self.gland_share}: fat surrounds the gland", self)
+            raise ConfigError(
+                f"gland_share must lie in [0, 1), got {self.gland_share}: fat surrounds the gland",
+                self,
+            )
         if len(self.mass_p_S) != 3 or not np.isfinite(self.mass_p_S).all():
-            raise ConfigError(f"mass_p_S must be three finite lengths in metres, got {self.mass_p_S}", self)
+            raise ConfigError(
+                f"mass_p_S must be three finite lengths in metres, got {self.mass_p_S}", self
+            )
 
     @property
     def present(self) -> bool:
@@ -58,15 +71,22 @@ class LayerConfig:
 
 
 def modulus_ratio(
-    config: LayerConfig, ball: Float[np.ndarray, "*n 3"], p_S: Float[np.ndarray, "*n 3"], radius: float
+    config: LayerConfig,
+    ball: Float[np.ndarray, "*n 3"],
+    p_S: Float[np.ndarray, "*n 3"],
+    radius: float,
 ) -> Float[np.ndarray, "*n"]:
-    """Young's modulus over the fat's at points given on the half-ball and in S [m], in a breast of `radius` [m]."""
+    """Young's modulus over the fat's at points given on the half-ball and in S [m], in a breast
+    of `radius` [m].
+    """
     ratio = np.ones(ball.shape[:-1])
     if config.gland_share > 0:
         inside = _step((config.gland_share - np.linalg.norm(ball, axis=-1)) * radius)
         ratio += inside * (config.gland_ratio - ratio)
     if config.mass_radius > 0:
-        inside = _step(config.mass_radius - np.linalg.norm(p_S - np.array(config.mass_p_S), axis=-1))
+        inside = _step(
+            config.mass_radius - np.linalg.norm(p_S - np.array(config.mass_p_S), axis=-1)
+        )
         ratio += inside * (config.mass_ratio - ratio)
     return ratio
 

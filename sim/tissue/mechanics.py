@@ -1,4 +1,6 @@
-"""Which mechanics a phantom has: soft tissue by finite elements, a rigid print, or MuJoCo's own solid."""
+"""Which mechanics a phantom has: soft tissue by finite elements, a rigid print, or MuJoCo's own
+solid.
+"""
 
 from collections.abc import Callable
 
@@ -9,7 +11,9 @@ from sim.tissue.printed import PrintedBreast
 from sim.tissue.soft import SoftTissue
 
 
-def build_mechanics(phantom: Phantom, progress: Callable[[float, str], None] | None = None) -> Mechanics:
+def build_mechanics(
+    phantom: Phantom, progress: Callable[[float, str], None] | None = None
+) -> Mechanics:
     """What answers the probe, as the phantom's configuration says.
 
     Args:

@@ -1,7 +1,8 @@
 """A graded tetrahedral mesh of the phantom, without a mesher.
 
-Points on concentric half-shells of the unit half-ball, Delaunay's tetrahedra between them, the phantom's smooth map.
-The spacing is finest on the skin and grows inwards, where nothing varies fast.
+Points on concentric half-shells of the unit half-ball, Delaunay's tetrahedra between them, the
+phantom's smooth map. The spacing is finest on the skin and grows inwards, where nothing varies
+fast.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ LAYER = 0.8
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 """Turn between successive points of a Fibonacci spiral [rad]."""
 FLAT = 1e-3
-"""A tetrahedron of a smaller volume than this share of its longest edge cubed is a sliver of coplanar points [-]."""
+"""A tetrahedron of a smaller volume than this share of its longest edge cubed is a sliver of
+coplanar points [-]."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,9 @@ def skin_triangles(mesh: TetMesh) -> Int[np.ndarray, "k 3"]:
     """The skin's facets, counter-clockwise seen from outside."""
     faces = mesh.tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)
     faces = faces[mesh.skin[faces].all(axis=1)]
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
     faces = faces[first[count == 1]]
     faces = faces[mesh.direction[faces, 2].max(axis=1) > 0]
     a, b, c = mesh.direction[faces].transpose(1, 0, 2)
@@ -80,12 +84,18 @@ def half_shell(spacing: float, turn: float) -> Float[np.ndarray, "n 3"]:
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=1)
 
 
-def _drop_slivers(points: Float[np.ndarray, "n 3"], tetrahedra: Int[np.ndarray, "m 4"]) -> Int[np.ndarray, "k 4"]:
+def _drop_slivers(
+    points: Float[np.ndarray, "n 3"], tetrahedra: Int[np.ndarray, "m 4"]
+) -> Int[np.ndarray, "k 4"]:
     """The tetrahedra that are not flat, each turned to a positive volume."""
     a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
     volume = (np.cross(b - a, c - a) * (d - a)).sum(axis=1) / 6
     longest = np.max(
-        [np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (a, c), (a, d), (b, c), (b, d), (c, d))], axis=0
+        [
+            np.linalg.norm(p - q, axis=1)
+            for p, q in ((a, b), (a, c), (a, d), (b, c), (b, d), (c, d))
+        ],
+        axis=0,
     )
     turned = np.where(volume[:, None] < 0, tetrahedra[:, [0, 2, 1, 3]], tetrahedra)
     return turned[np.abs(volume) > FLAT * longest**3]

@@ -1,9 +1,10 @@
 """The breast phantom's undeformed shape and its looks.
 
-The shape follows the closed form of VICTRE's breast phantom (quadrants, ptosis, turn; see REFERENCES.md), flattened
-for a patient who lies on her back. Its pieces are chosen so that the map from the unit half-ball to the phantom is
-smooth and has a closed inverse: the skin is the image of the unit hemisphere, and `Phantom.level` is an exact implicit
-function of it. In S, x points to the patient's feet and y away from the sternum.
+The shape follows the closed form of VICTRE's breast phantom (quadrants, ptosis, turn; see
+REFERENCES.md), flattened for a patient who lies on her back. Its pieces are chosen so that the map
+from the unit half-ball to the phantom is smooth and has a closed inverse: the skin is the image of
+the unit hemisphere, and `Phantom.level` is an exact implicit function of it. In S, x points to the
+patient's feet and y away from the sternum.
 """
 
 from dataclasses import dataclass
@@ -27,8 +28,8 @@ FARTHEST_LEAN = 0.6
 FLATTEST = 0.25
 """Largest share of the height that nipple and areola may take [-]."""
 SKIN_RINGS = 72
-"""Rings of the fine skin mesh: 1.4 mm edges, so that its facets stay within .01 mm of the smooth surface (.04 mm on
-the nipple)."""
+"""Rings of the fine skin mesh: 1.4 mm edges, so that its facets stay within .01 mm of the smooth
+surface (.04 mm on the nipple)."""
 TEXTURE_SIZE_PX = 2048
 TEXTURE_RIM = 0.49
 """Distance from the middle of the texture at which the base of the breast lies [image widths]."""
@@ -51,13 +52,16 @@ class SkinMesh:
 
 
 class Phantom:
-    """The undeformed breast: a smooth surface over the chest plate, its fine mesh and its textures."""
+    """The undeformed breast: a smooth surface over the chest plate, its fine mesh and its
+    textures.
+    """
 
     def __init__(self, config: PhantomConfig) -> None:
         """Draw the shape.
 
         Raises:
-            ConfigError: The skin would fold into itself, the breast hang beside its base, or its mass lie outside.
+            ConfigError: The skin would fold into itself, the breast hang beside its base, or its
+                mass lie outside.
         """
         shape = SHAPES[config.breast]
         self.config = config
@@ -72,18 +76,25 @@ class Phantom:
         mass_p_S = np.array(config.layers.mass_p_S)
         if config.layers.mass_radius > 0 and not (self.level(mass_p_S[None])[0] < 0 <= mass_p_S[2]):
             raise ConfigError(
-                f"the stiff mass at mass_p_S = {config.layers.mass_p_S} m lies outside of the breast, which is "
-                f"{self.height * 1e3:.0f} mm high and has a radius of {self.radius * 1e3:.0f} mm: move it inwards",
+                f"the stiff mass at mass_p_S = {config.layers.mass_p_S} m lies outside of the "
+                f"breast, which is {self.height * 1e3:.0f} mm high and has a radius of "
+                f"{self.radius * 1e3:.0f} mm: move it inwards",
                 config.layers.mass_p_S,
             )
 
     def embed(self, ball: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Points of the unit half-ball z >= 0 mapped into the phantom, in S [m]; |ball| = 1 is the skin."""
-        return dome.embed(self.numbers, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(ball.shape)
+        """Points of the unit half-ball z >= 0 mapped into the phantom, in S [m]; |ball| = 1 is
+        the skin.
+        """
+        return dome.embed(self.numbers, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(
+            ball.shape
+        )
 
     def unembed(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Inverse of `embed`, extended smoothly around the phantom."""
-        return dome.unembed(self.numbers, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(p_S.shape)
+        return dome.unembed(self.numbers, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(
+            p_S.shape
+        )
 
     def level(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         """Implicit function of the skin: negative inside, zero on it, positive outside [-]."""
@@ -96,7 +107,9 @@ class Phantom:
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def tangents(self, direction: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of `embed` [m] along the two axes of `sphere_axes` at `direction` (central differences)."""
+        """Derivatives of `embed` [m] along the two axes of `sphere_axes` at `direction` (central
+        differences).
+        """
         step = 1e-5
         along, across = (
             (self.embed(direction + step * axis) - self.embed(direction - step * axis)) / (2 * step)
@@ -109,7 +122,9 @@ class Phantom:
         """The fine mesh of the skin."""
         direction, triangles = hemisphere(SKIN_RINGS)
         polar = np.arccos(np.clip(direction[:, 2], -1, 1))
-        plan = direction[:, :2] / np.maximum(np.linalg.norm(direction[:, :2], axis=1, keepdims=True), 1e-12)
+        plan = direction[:, :2] / np.maximum(
+            np.linalg.norm(direction[:, :2], axis=1, keepdims=True), 1e-12
+        )
         return SkinMesh(
             vertices_S=self.embed(direction),
             triangles=triangles,
@@ -118,28 +133,37 @@ class Phantom:
         )
 
     def level_loop(self, height: float, count: int) -> Float[np.ndarray, "n 3"]:
-        """Contour of the skin at `height` above the chest plate: `count` points in S [m], turning about z.
+        """Contour of the skin at `height` above the chest plate: `count` points in S [m], turning
+        about z.
 
         Raises:
             ValueError: The height is not between the chest plate and the nipple's tip.
         """
         if not 0 <= height < self.height:
-            raise ValueError(f"the skin has no contour at {height} m: give a height in [0, {self.height}) m")
+            raise ValueError(
+                f"the skin has no contour at {height} m: give a height in [0, {self.height}) m"
+            )
         cosine = self._cosine_at(height)
         azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
         sine = np.sqrt(1 - cosine**2)
-        direction = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.full(count, cosine)], axis=1)
+        direction = np.stack(
+            [sine * np.cos(azimuth), sine * np.sin(azimuth), np.full(count, cosine)], axis=1
+        )
         return self.embed(direction)
 
     def texture_image(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the skin for `SkinMesh.uv`, RGB."""
         pixel = self._meridian / (TEXTURE_RIM * TEXTURE_SIZE_PX)
-        return self._looks(np.random.default_rng(self.config.seed), TEXTURE_SIZE_PX, pixel, self.areola_radius)
+        return self._looks(
+            np.random.default_rng(self.config.seed), TEXTURE_SIZE_PX, pixel, self.areola_radius
+        )
 
     def plate_texture(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the chest plate around the breast, RGB, `PLATE_SIDE` wide; it can be tiled."""
         size = TEXTURE_SIZE_PX // 2
-        return self._looks(np.random.default_rng([self.config.seed, 1]), size, PLATE_SIDE / size, 0.0)
+        return self._looks(
+            np.random.default_rng([self.config.seed, 1]), size, PLATE_SIDE / size, 0.0
+        )
 
     def _looks(
         self, rng: np.random.Generator, size: int, pixel: float, areola_radius: float
@@ -155,11 +179,15 @@ class Phantom:
     @property
     def _meridian(self) -> float:
         """Length of the skin from nipple to base [m], the mean over the azimuth."""
-        rings = self.embed(hemisphere(SKIN_RINGS)[0][[3 * k * (k + 1) for k in range(SKIN_RINGS + 1)]])
+        rings = self.embed(
+            hemisphere(SKIN_RINGS)[0][[3 * k * (k + 1) for k in range(SKIN_RINGS + 1)]]
+        )
         return float(np.linalg.norm(np.diff(rings, axis=0), axis=1).sum())
 
     def _cosine_at(self, height: float) -> float:
-        """The contour at `height` on the unit hemisphere: its z, by bisection (the height rises with z)."""
+        """The contour at `height` on the unit hemisphere: its z, by bisection (the height rises
+        with z).
+        """
         low, high = 0.0, 1.0
         for _ in range(60):
             middle = (low + high) / 2
@@ -181,7 +209,18 @@ def _draw(config: PhantomConfig, radius: float, height: float) -> Float[np.ndarr
     bumps = config.size * np.array([shape.nipple_height, shape.areola_height])
     widths = np.array([shape.nipple_radius, shape.areola_radius]) / shape.radius
     _check(config, radius, height, quadrants, lean, float(bumps.sum()))
-    return np.array([*radii, *quadrants, *lean.ravel(), height - bumps.sum(), height, shape.roundness, *bumps, *widths])
+    return np.array(
+        [
+            *radii,
+            *quadrants,
+            *lean.ravel(),
+            height - bumps.sum(),
+            height,
+            shape.roundness,
+            *bumps,
+            *widths,
+        ]
+    )
 
 
 def _check(
@@ -196,19 +235,21 @@ def _check(
     if np.abs(quadrants).max() > STEEPEST_QUADRANT:
         raise ConfigError(
             f"asymmetry {config.asymmetry} makes one half of the breast wider than the other by "
-            f"{np.abs(quadrants).max():.2f}, and from .5 on the skin folds into itself: use a smaller one",
+            f"{np.abs(quadrants).max():.2f}, and from .5 on the skin folds into itself: use a "
+            "smaller one",
             config.asymmetry,
         )
     shift = np.linalg.norm(lean[0] * height + lean[1] * height**2)
     if shift > FARTHEST_LEAN * radius:
         raise ConfigError(
-            f"ptosis {config.ptosis} and asymmetry {config.asymmetry} move the nipple by {shift / radius:.2f} radii, "
-            f"beside the base: at most {FARTHEST_LEAN} can be seen and touched from above, use smaller ones",
+            f"ptosis {config.ptosis} and asymmetry {config.asymmetry} move the nipple by "
+            f"{shift / radius:.2f} radii, beside the base: at most {FARTHEST_LEAN} can be seen and "
+            "touched from above, use smaller ones",
             config.ptosis,
         )
     if bump > FLATTEST * height:
         raise ConfigError(
-            f"projection {config.projection} leaves a breast {height * 1e3:.0f} mm high, too flat for a nipple and "
-            f"areola that rise by {bump * 1e3:.0f} mm: use a larger one",
+            f"projection {config.projection} leaves a breast {height * 1e3:.0f} mm high, too flat "
+            f"for a nipple and areola that rise by {bump * 1e3:.0f} mm: use a larger one",
             config.projection,
         )

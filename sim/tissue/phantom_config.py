@@ -25,28 +25,46 @@ class PhantomConfig:
     ptosis: float = 1.0
     """Sag towards the feet over the class's own [-]."""
     asymmetry: float = 1.0
-    """Differences between the quadrants, and lean away from the sternum, over the class's own [-]."""
+    """Differences between the quadrants, and lean away from the sternum, over the class's own
+    [-]."""
     seed: int = 0
     """Draws the small variation of the shape, and the texture."""
     texture: Texture = "skin"
-    """Natural skin, the sprayed dots of digital image correlation, skin with hardly any texture, or printed plastic."""
+    """Natural skin, the sprayed dots of digital image correlation, skin with hardly any texture, or
+    printed plastic."""
     mechanics: Mechanics = "soft"
     """Soft tissue by finite elements, a rigid print, or MuJoCo's own deformable solid."""
     young: float = 30e3
     """Young's modulus of the tissue, of the fat where it has layers [Pa]."""
     poisson: float = 0.45
-    """Poisson's ratio [-], below .5: the finite elements cannot represent an incompressible solid."""
+    """Poisson's ratio [-], below .5: the finite elements cannot represent an incompressible
+    solid."""
     layers: LayerConfig = field(default_factory=LayerConfig)
     gel_friction: float = 0.1
     """Friction coefficient of the gel between probe and skin [-]; .05 to .2 are plausible."""
 
     def __post_init__(self) -> None:
-        for name, known in (("breast", SHAPES), ("texture", get_args(Texture)), ("mechanics", get_args(Mechanics))):
+        for name, known in (
+            ("breast", SHAPES),
+            ("texture", get_args(Texture)),
+            ("mechanics", get_args(Mechanics)),
+        ):
             if getattr(self, name) not in known:
-                raise ConfigError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}", self)
-        require_positive(self, "phantom", but=("ptosis", "asymmetry", "gel_friction", "poisson", "seed", "layers"))
+                raise ConfigError(
+                    f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}", self
+                )
+        require_positive(
+            self,
+            "phantom",
+            but=("ptosis", "asymmetry", "gel_friction", "poisson", "seed", "layers"),
+        )
         for name in ("ptosis", "asymmetry", "gel_friction"):
             if not 0 <= getattr(self, name) < float("inf"):
-                raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}", getattr(self, name))
+                raise ConfigError(
+                    f"{name} must not be negative, got {getattr(self, name)}", getattr(self, name)
+                )
         if not 0 <= self.poisson < 0.5:
-            raise ConfigError(f"poisson must lie in [0, .5), got {self.poisson}: use .45 for soft tissue", self.poisson)
+            raise ConfigError(
+                f"poisson must lie in [0, .5), got {self.poisson}: use .45 for soft tissue",
+                self.poisson,
+            )

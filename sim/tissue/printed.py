@@ -1,7 +1,8 @@
-"""The printed phantom, as the paper scans one: the skin is rigid, and only the silicone over the probe's array yields.
+"""The printed phantom, as the paper scans one: the skin is rigid, and only the silicone over the
+probe's array yields.
 
-One smooth surface meets another, so the contact is Hertz's: its force follows the depth to which the two overlap, at
-the point of the skin that lies deepest in the face [Johnson].
+One smooth surface meets another, so the contact is Hertz's: its force follows the depth to which
+the two overlap, at the point of the skin that lies deepest in the face [Johnson].
 """
 
 import math
@@ -20,11 +21,13 @@ from sim.wrist.probe_face import ProbeFace, components_P, distance
 LENS_YOUNG, LENS_POISSON = 2e6, 0.49
 """Silicone of Shore A 40, as acoustic lenses are made of [Pa], [-]; an engineering value."""
 CURVATURE_RADIUS = 0.03
-"""Of the gap between face and skin: 1 / (1 / 60 mm + 1 / 60 mm), for the face's arc and the flank of a breast [m]."""
+"""Of the gap between face and skin: 1 / (1 / 60 mm + 1 / 60 mm), for the face's arc and the flank
+of a breast [m]."""
 STIFFNESS = 4 / 3 * LENS_YOUNG / (1 - LENS_POISSON**2) * math.sqrt(CURVATURE_RADIUS)
 """Force over overlap^1.5 [N/m^1.5]: 5 N at .4 mm, where 1 N more takes 50 um."""
 DAMPING = 10.0
-"""Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley): rubber's."""
+"""Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley):
+rubber's."""
 JUMP = 0.01
 """A probe that has moved farther since the last press is looked for all over the skin [m]."""
 COARSE_RINGS = 24
@@ -49,7 +52,9 @@ class PrintedBreast:
         self._overlap, self._force = 0.0, 0.0
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
-        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, against it."""
+        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom,
+        against it.
+        """
         X_SP, numbers = np.ascontiguousarray(X_SP), self._phantom.numbers
         p_S = X_SP[:3, 3]
         if not np.abs(p_S - self._last_p_S).max() < JUMP:
@@ -94,9 +99,11 @@ class PrintedBreast:
 @numba.njit(cache=True)
 @no_type_check
 def deepest_point(numbers, face, X_SP, direction):
-    """The point of the skin deepest in the face, or nearest to it: on the hemisphere, its gap [m], the face's normal.
+    """The point of the skin deepest in the face, or nearest to it: on the hemisphere, its gap [m],
+    the face's normal.
 
-    Newton's method from `direction`, a point of the unit hemisphere, on the distance of the skin from the face.
+    Newton's method from `direction`, a point of the unit hemisphere, on the distance of the skin
+    from the face.
     """
     gap = _gap(numbers, face, X_SP, direction)
     for _ in range(SEARCH_STEPS):
@@ -129,8 +136,14 @@ def deepest_point(numbers, face, X_SP, direction):
 @no_type_check
 def _newton_step(numbers, face, X_SP, direction, u, v, gap):
     """Step along the tangents u and v to where the gap is least, downhill at any rate."""
-    right, left = _gap(numbers, face, X_SP, direction + STEP * u), _gap(numbers, face, X_SP, direction - STEP * u)
-    up, down = _gap(numbers, face, X_SP, direction + STEP * v), _gap(numbers, face, X_SP, direction - STEP * v)
+    right, left = (
+        _gap(numbers, face, X_SP, direction + STEP * u),
+        _gap(numbers, face, X_SP, direction - STEP * u),
+    )
+    up, down = (
+        _gap(numbers, face, X_SP, direction + STEP * v),
+        _gap(numbers, face, X_SP, direction - STEP * v),
+    )
     both, neither = (
         _gap(numbers, face, X_SP, direction + STEP * (u + v)),
         _gap(numbers, face, X_SP, direction - STEP * (u + v)),
@@ -158,7 +171,9 @@ def _gap(numbers, face, X_SP, direction):
 def _on_face(numbers, X_SP, direction):
     """A point of the skin in P [m]."""
     length = math.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
-    x, y, z = dome.embed_point(numbers, direction[0] / length, direction[1] / length, direction[2] / length)
+    x, y, z = dome.embed_point(
+        numbers, direction[0] / length, direction[1] / length, direction[2] / length
+    )
     return components_P(X_SP, x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3])
 
 

@@ -1,8 +1,9 @@
 """The soft phantom under the probe: contact force, and the skin as it lies deformed.
 
-Quasi-static and linear elastic: the skin's flexibility, computed once, answers every press by a small frictionless
-contact problem between the probe's exact face and points of the skin. Gel friction and the tissue's damping are laid
-over the elastic force. Linear theory was held against large deformations to `LINEAR_LIMIT`; beyond, a warning says so.
+Quasi-static and linear elastic: the skin's flexibility, computed once, answers every press by a
+small frictionless contact problem between the probe's exact face and points of the skin. Gel
+friction and the tissue's damping are laid over the elastic force. Linear theory was held against
+large deformations to `LINEAR_LIMIT`; beyond, a warning says so.
 """
 
 import warnings
@@ -24,19 +25,25 @@ from sim.tissue.phantom import Phantom
 from sim.wrist.probe_face import ProbeFace
 
 SKIN_POINTS = 400
-"""Vertices of the finite elements on the skin: 9 mm apart. Twice as many change the force by 1.2 % at the most."""
+"""Vertices of the finite elements on the skin: 9 mm apart. Twice as many change the force by 1.2 %
+at the most."""
 MOST_TOUCHING = 512
 """Contact points that the probe may touch: several times what it can cover."""
 LINEAR_LIMIT = 0.008
 """Indentation to which linear elasticity was validated [m]."""
 DAMPING = 3.0
-"""Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley): 15 N s/m at 5 N."""
+"""Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley): 15 N s/m
+at 5 N."""
 
 
 class SoftTissue:
-    """The elastic phantom. It remembers the last press: as a first guess, and to show the deformed skin."""
+    """The elastic phantom. It remembers the last press: as a first guess, and to show the
+    deformed skin.
+    """
 
-    def __init__(self, phantom: Phantom, compliance: SkinCompliance, face: ProbeFace | None = None) -> None:
+    def __init__(
+        self, phantom: Phantom, compliance: SkinCompliance, face: ProbeFace | None = None
+    ) -> None:
         self._phantom = phantom
         self._compliance = compliance
         self._surface = contact_surface(phantom, compliance)
@@ -48,7 +55,9 @@ class SoftTissue:
         self._warned = False
 
     @staticmethod
-    def build(phantom: Phantom, progress: Callable[[float, str], None] | None = None) -> "SoftTissue":
+    def build(
+        phantom: Phantom, progress: Callable[[float, str], None] | None = None
+    ) -> "SoftTissue":
         """Compute the tissue's compliance, or load it where it was computed before.
 
         Args:
@@ -58,12 +67,23 @@ class SoftTissue:
         return SoftTissue(phantom, cached_compliance(phantom, SKIN_POINTS, progress))
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
-        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom, into the tissue."""
-        X_SP, surface = np.ascontiguousarray(X_SP), self._surface  # one memory layout, one compiled kernel
+        """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom,
+        into the tissue.
+        """
+        # one memory layout, one compiled kernel
+        X_SP, surface = np.ascontiguousarray(X_SP), self._surface
         unit_force_S, unit_torque_S, centre_S, depth, vertices = press_skin(
-            self._face, X_SP, surface.vertices_S, surface.normals_S, surface.flexibility,
-            surface.neighbours, surface.weights, self._element_response_S, self._load, *self._solved,
-        )  # fmt: skip
+            self._face,
+            X_SP,
+            surface.vertices_S,
+            surface.normals_S,
+            surface.flexibility,
+            surface.neighbours,
+            surface.weights,
+            self._element_response_S,
+            self._load,
+            *self._solved,
+        )
         config = self._phantom.config
         force_S, torque_S = with_motion(
             config.young * unit_force_S, config.young * unit_torque_S, centre_S - X_SP[:3, 3],
@@ -71,14 +91,16 @@ class SoftTissue:
         )  # fmt: skip
         if depth > LINEAR_LIMIT and not self._warned:
             self._warn(depth)
-        return Contact(force_S=force_S, torque_S=torque_S, depth=depth, vertices=vertices, centre_S=centre_S)
+        return Contact(
+            force_S=force_S, torque_S=torque_S, depth=depth, vertices=vertices, centre_S=centre_S
+        )
 
     def _warn(self, depth: float) -> None:
         self._warned = True
         warnings.warn(
-            f"the skin is indented by {depth * 1e3:.1f} mm; the tissue's linear elasticity was validated to "
-            f"{LINEAR_LIMIT * 1e3:.0f} mm, and beyond it forces come out too small: press less "
-            "(--plan.contact.force), or stiffen the phantom (--scene.phantom.young)",
+            f"the skin is indented by {depth * 1e3:.1f} mm; the tissue's linear elasticity was "
+            f"validated to {LINEAR_LIMIT * 1e3:.0f} mm, and beyond it forces come out too small: "
+            "press less (--plan.contact.force), or stiffen the phantom (--scene.phantom.young)",
             stacklevel=3,
         )
 
@@ -102,11 +124,16 @@ class SoftTissue:
         self._solved = _unsolved(len(self._load))
 
     def _displacement(self) -> Float[np.ndarray, "n 3"]:
-        """Displacement in S of the contact points [m]: along the normal the contact's, across it the elements'."""
+        """Displacement in S of the contact points [m]: along the normal the contact's, across it
+        the elements'.
+        """
         surface = self._surface
         loaded = np.nonzero(self._load)[0]
-        on_elements = (self._from_elements.T @ self._load).astype(np.float32)  # no copy of the response
-        across_S = self._from_elements @ np.tensordot(on_elements, self._compliance.response_S, axes=1)
+        # no copy of the response
+        on_elements = (self._from_elements.T @ self._load).astype(np.float32)
+        across_S = self._from_elements @ np.tensordot(
+            on_elements, self._compliance.response_S, axes=1
+        )
         inward = self._load[loaded] @ surface.flexibility[loaded]
         along = inward + np.einsum("nc,nc->n", across_S, surface.normals_S)
         return across_S - along[:, None] * surface.normals_S
@@ -115,7 +142,9 @@ class SoftTissue:
     def _from_elements(self) -> scipy.sparse.csr_array:
         """Interpolation from the finite elements' vertices to the contact points."""
         surface = self._surface
-        return interpolation_matrix(surface.neighbours, surface.weights, len(self._compliance.areas))
+        return interpolation_matrix(
+            surface.neighbours, surface.weights, len(self._compliance.areas)
+        )
 
     @cached_property
     def _to_skin(self) -> scipy.sparse.csr_array:

@@ -1,9 +1,9 @@
 """Sparse Cholesky factors of finite elements in space, by nested dissection with dense fronts.
 
-SciPy's SuperLU is slow with hundreds of right-hand sides, and the tissue has them. Here the body is cut in halves, and
-these again; a cut's unknowns come after those on either side of it, so that every front is a small dense matrix, which
-LAPACK factors and solves for all right-hand sides at once: two to four times as fast. (CHOLMOD's supernodal factors do
-the same, under the GPL.)
+SciPy's SuperLU is slow with hundreds of right-hand sides, and the tissue has them. Here the body is
+cut in halves, and these again; a cut's unknowns come after those on either side of it, so that
+every front is a small dense matrix, which LAPACK factors and solves for all right-hand sides at
+once: two to four times as fast. (CHOLMOD's supernodal factors do the same, under the GPL.)
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,9 @@ LEAF = 40
 
 @dataclass(frozen=True)
 class _Front:
-    """The unknowns that are eliminated together, and those left to do that they are coupled with."""
+    """The unknowns that are eliminated together, and those left to do that they are coupled
+    with.
+    """
 
     own: Int[np.ndarray, "k"]
     border: Int[np.ndarray, "m"]
@@ -46,11 +48,15 @@ class SparseCholesky:
         """The solutions for all columns of `right`."""
         x = right.copy()
         for front in self._fronts:
-            x[front.own] = scipy.linalg.solve_triangular(front.lower, x[front.own], lower=True, check_finite=False)
+            x[front.own] = scipy.linalg.solve_triangular(
+                front.lower, x[front.own], lower=True, check_finite=False
+            )
             x[front.border] -= front.coupling @ x[front.own]
         for front in reversed(self._fronts):
             rest = x[front.own] - front.coupling.T @ x[front.border]
-            x[front.own] = scipy.linalg.solve_triangular(front.lower, rest, lower=True, trans=1, check_finite=False)
+            x[front.own] = scipy.linalg.solve_triangular(
+                front.lower, rest, lower=True, trans=1, check_finite=False
+            )
         return x
 
     def _factor(
@@ -62,7 +68,9 @@ class SparseCholesky:
         done: np.ndarray,
         updates: list[tuple[np.ndarray, np.ndarray]],
     ) -> None:
-        """Eliminate the nodes of `part`, the halves before the cut; push what that does to the nodes around it."""
+        """Eliminate the nodes of `part`, the halves before the cut; push what that does to the
+        nodes around it.
+        """
         own, below = part, []
         if len(part) > LEAF:
             first, second, own = _cut(graph, points[part], part)
@@ -81,8 +89,12 @@ class SparseCholesky:
             front[np.ix_(at, at)] += update
         count = 3 * len(own)
         lower = scipy.linalg.cholesky(front[:count, :count], lower=True, check_finite=False)
-        coupling = scipy.linalg.solve_triangular(lower, front[count:, :count].T, lower=True, check_finite=False).T
-        self._fronts.append(_Front(_unknowns(own), _unknowns(border), lower, np.ascontiguousarray(coupling)))
+        coupling = scipy.linalg.solve_triangular(
+            lower, front[count:, :count].T, lower=True, check_finite=False
+        ).T
+        self._fronts.append(
+            _Front(_unknowns(own), _unknowns(border), lower, np.ascontiguousarray(coupling))
+        )
         updates.append((border, front[count:, count:] - coupling @ coupling.T))
 
 
@@ -90,13 +102,17 @@ def _node_graph(A: scipy.sparse.csr_array, count: int) -> scipy.sparse.csr_array
     """Which nodes share an element."""
     entries = A.tocoo()
     shape = (count, count)
-    return scipy.sparse.coo_array((np.ones(A.nnz), (entries.row // 3, entries.col // 3)), shape=shape).tocsr()
+    return scipy.sparse.coo_array(
+        (np.ones(A.nnz), (entries.row // 3, entries.col // 3)), shape=shape
+    ).tocsr()
 
 
 def _cut(
     graph: scipy.sparse.csr_array, points: Float[np.ndarray, "k 3"], part: Int[np.ndarray, "k"]
 ) -> tuple[Int[np.ndarray, "a"], Int[np.ndarray, "b"], Int[np.ndarray, "c"]]:
-    """Two halves across the part's longest axis, and between them those of the first half that touch the second."""
+    """Two halves across the part's longest axis, and between them those of the first half that
+    touch the second.
+    """
     centred = points - points.mean(axis=0)
     along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1]
     second = np.zeros(len(graph.indptr) - 1)
@@ -109,7 +125,9 @@ def _cut(
 def _dense(
     A: scipy.sparse.csr_array, own: Int[np.ndarray, "k"], nodes: Int[np.ndarray, "m"]
 ) -> Float[np.ndarray, "d d"]:
-    """The front with the matrix's own rows in it; what lies among the border comes later, with its own front."""
+    """The front with the matrix's own rows in it; what lies among the border comes later, with
+    its own front.
+    """
     rows = A[_unknowns(own)].tocoo()
     place = np.full(len(A.indptr) - 1, -1)
     place[_unknowns(nodes)] = np.arange(3 * len(nodes))

@@ -1,7 +1,8 @@
 """Procedural looks of the phantom: band-limited, so that a camera never aliases them.
 
-Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled. Skin and speckle are
-rich enough for stereo matching everywhere; smooth skin and plastic are not, as they are not in life.
+Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled. Skin
+and speckle are rich enough for stereo matching everywhere; smooth skin and plastic are not, as they
+are not in life.
 """
 
 import numpy as np
@@ -21,7 +22,8 @@ BLUSH_TINT = np.array([0.4, -0.7, -0.5])
 def skin(
     rng: np.random.Generator, size: int, pixel: float, areola_radius: float = 0.0
 ) -> UInt8[np.ndarray, "size size 3"]:
-    """Skin with pores, freckles, faint veins and a blotchy blush; an areola in the middle if it has a radius.
+    """Skin with pores, freckles, faint veins and a blotchy blush; an areola in the middle if it has
+    a radius.
 
     Args:
         rng: Draws the pattern.
@@ -33,7 +35,11 @@ def skin(
     def noise(wavelength: float) -> Float[np.ndarray, "size size"]:
         return band_noise(rng, size, wavelength / pixel)
 
-    areola = _disc(size, areola_radius / pixel, 0.05 * noise(8e-3)) if areola_radius else np.zeros((size, size))
+    areola = (
+        _disc(size, areola_radius / pixel, 0.05 * noise(8e-3))
+        if areola_radius
+        else np.zeros((size, size))
+    )
     image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
     image += 2 * noise(30e-3)[..., None] * BLUSH_TINT
     veins = _ridge(noise(36e-3), 0.16) * _patches(noise(40e-3)) * (1 - areola)
@@ -45,7 +51,9 @@ def skin(
 
 
 def speckle(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarray, "size size 3"]:
-    """Dark dots of about 2 mm sprayed on a light ground, as for digital image correlation; `pixel` in m."""
+    """Dark dots of about 2 mm sprayed on a light ground, as for digital image correlation;
+    `pixel` in m.
+    """
     dots = _spots(band_noise(rng, size, 4e-3 / pixel), 0.2)
     grey = 225 - 180 * dots + 6 * band_noise(rng, size, 2.2e-3 / pixel)
     return np.repeat(np.clip(np.rint(grey), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
@@ -54,8 +62,14 @@ def speckle(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarr
 def smooth(
     rng: np.random.Generator, size: int, pixel: float, areola_radius: float = 0.0
 ) -> UInt8[np.ndarray, "size size 3"]:
-    """Skin without pores, freckles and veins: a faint blotchy blush and hardly any grain; arguments as for `skin`."""
-    areola = _disc(size, areola_radius / pixel, np.zeros((size, size))) if areola_radius else np.zeros((size, size))
+    """Skin without pores, freckles and veins: a faint blotchy blush and hardly any grain;
+    arguments as for `skin`.
+    """
+    areola = (
+        _disc(size, areola_radius / pixel, np.zeros((size, size)))
+        if areola_radius
+        else np.zeros((size, size))
+    )
     image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
     image += 2 * band_noise(rng, size, 30e-3 / pixel)[..., None] * BLUSH_TINT
     image += 1.5 * band_noise(rng, size, 4e-3 / pixel)[..., None] * GRAIN_TINT
@@ -63,15 +77,21 @@ def smooth(
 
 
 def plastic(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarray, "size size 3"]:
-    """A plain light filament, slightly mottled, with the printer's rings around the middle; `pixel` in m."""
+    """A plain light filament, slightly mottled, with the printer's rings around the middle;
+    `pixel` in m.
+    """
     axis = (np.arange(size) + 0.5 - size / 2) * pixel
     rings = np.cos(2 * np.pi * np.hypot(axis[:, None], axis[None, :]) / PRINTED_RING)
     grey = 2.0 * rings + 1.5 * band_noise(rng, size, 6e-3 / pixel)
     return np.clip(np.rint(PLASTIC_TONE + grey[..., None]), 0, 255).astype(np.uint8)
 
 
-def band_noise(rng: np.random.Generator, size: int, wavelength_px: float) -> Float[np.ndarray, "size size"]:
-    """Periodic noise of zero mean and unit variance in a narrow band (a quarter, relative) around `wavelength_px`."""
+def band_noise(
+    rng: np.random.Generator, size: int, wavelength_px: float
+) -> Float[np.ndarray, "size size"]:
+    """Periodic noise of zero mean and unit variance in a narrow band (a quarter, relative)
+    around `wavelength_px`.
+    """
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / 0.25) ** 2)
     gain[0, 0] = 0.0

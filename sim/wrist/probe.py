@@ -1,8 +1,9 @@
 """What the arm carries: wrist sensor, mount and convex ultrasound probe.
 
-The mount turns the probe out of the flange's axis, which lets the arm reach all around the breast with less joint
-motion than a probe straight on the flange. Masses are those of a six-axis sensor of the Axia80 class, an aluminium
-bracket and a hand-held convex probe with a short length of its cable.
+The mount turns the probe out of the flange's axis, which lets the arm reach all around the breast
+with less joint motion than a probe straight on the flange. Masses are those of a six-axis sensor of
+the Axia80 class, an aluminium bracket and a hand-held convex probe with a short length of its
+cable.
 """
 
 import numpy as np
@@ -21,7 +22,9 @@ ELBOW_HEIGHT = 0.060
 """Where the mount's bend lies on the flange's axis [m]."""
 REACH = 0.140
 """From the bend to the middle of the probe's face [m]."""
-SENSOR_MASS, MOUNT_MASS, PROBE_MASS = 0.26, 0.13, 0.26
+SENSOR_MASS = 0.26
+MOUNT_MASS = 0.13
+PROBE_MASS = 0.26
 """[kg]"""
 MATERIALS = {
     "probe_shell": ((0.90, 0.90, 0.87, 1.0), 0.30),
@@ -44,7 +47,8 @@ HANDLE = (
     (-0.122, 0.0155, 0.0130, 2.2),
     (-0.130, 0.0110, 0.0100, 2.0),
 )
-"""Cross-sections of the handle: place along z_P [m], half width [m], half thickness [m], roundness [-]."""
+"""Cross-sections of the handle: place along z_P [m], half width [m], half thickness [m], roundness
+[-]."""
 
 
 def tip_pose(mount_angle: float) -> Float[np.ndarray, "4 4"]:
@@ -65,7 +69,9 @@ def payload(mount_angle: float) -> Payload:
 
 
 def add_tool(flange: Element, mount_angle: float, face: ProbeFace) -> None:
-    """Hang sensor, mount and probe on the flange; sites `wrist` and `tip` and two sensors go with them."""
+    """Hang sensor, mount and probe on the flange; sites `wrist` and `tip` and two sensors go
+    with them.
+    """
     root = flange.root
     add_materials(root, MATERIALS)
     _add_sensor_housing(flange)
@@ -100,7 +106,12 @@ def _add_sensor_housing(flange: Element) -> None:
     add_visual(flange, "sensor_housing", joined(lower, upper), "seal")
     add_visual(flange, "sensor_gap", joined(gap, plug), "metal")
     add_collision(
-        flange, "sensor_hull", of_arm=True, type="cylinder", size=(radius, height / 2), pos=(0, 0, height / 2)
+        flange,
+        "sensor_hull",
+        of_arm=True,
+        type="cylinder",
+        size=(radius, height / 2),
+        pos=(0, 0, height / 2),
     )
 
 
@@ -110,7 +121,9 @@ def _add_mount(tool: Element, mount_angle: float) -> None:
     plate = along(barrel(0.034, 0.008, 0.0015), Z, (0.0, 0.0, SENSOR_HEIGHT))
     neck = along(barrel(0.024, 0.004, 0.001), Z, (0.0, 0.0, SENSOR_HEIGHT + 0.006))
     clamp = moved(_prism(0.0235, 0.0205, CLAMP - 0.024, CLAMP), X_FP)
-    arm = trimesh.convex.convex_hull(joined(neck, moved(_prism(0.021, 0.018, CLAMP - 0.030, CLAMP - 0.020), X_FP)))
+    arm = trimesh.convex.convex_hull(
+        joined(neck, moved(_prism(0.021, 0.018, CLAMP - 0.030, CLAMP - 0.020), X_FP))
+    )
     add_visual(tool, "mount", joined(plate, arm, clamp), "metal")
 
 
@@ -118,17 +131,31 @@ def _prism(half_x: float, half_y: float, start: float, end: float) -> trimesh.Tr
     """A straight block along z with soft corners."""
     outline = superellipse(half_x, half_y, 4.0)
     edge = 0.0015
-    levels = ((start, 1 - edge / half_x), (start + edge, 1.0), (end - edge, 1.0), (end, 1 - edge / half_x))
-    return loft(np.array([np.column_stack([s * outline, np.full(len(outline), z)]) for z, s in levels]))
+    levels = (
+        (start, 1 - edge / half_x),
+        (start + edge, 1.0),
+        (end - edge, 1.0),
+        (end, 1 - edge / half_x),
+    )
+    return loft(
+        np.array([np.column_stack([s * outline, np.full(len(outline), z)]) for z, s in levels])
+    )
 
 
 def _add_probe(tool: Element, X_FP: Float[np.ndarray, "4 4"], face: ProbeFace) -> None:
     add_visual(tool, "probe_handle", moved(_handle(), X_FP), "probe_shell")
     add_visual(tool, "probe_lens", moved(lens(face), X_FP), "lens")
-    add_visual(tool, "probe_ring", moved(_prism(0.0178, 0.0152, CLAMP + 0.010, CLAMP + 0.014), X_FP), "accent")
+    add_visual(
+        tool,
+        "probe_ring",
+        moved(_prism(0.0178, 0.0152, CLAMP + 0.010, CLAMP + 0.014), X_FP),
+        "accent",
+    )
     add_visual(tool, "probe_cable", moved(_cable(), X_FP), "cable")
     X_FH = X_FP @ se3.pose(np.eye(3), np.array([0, 0, -0.065]))
-    add_collision(tool, "probe_hull", of_arm=True, type="box", size=(0.028, 0.013, 0.055), **placed(X_FH))
+    add_collision(
+        tool, "probe_hull", of_arm=True, type="box", size=(0.028, 0.013, 0.055), **placed(X_FH)
+    )
 
 
 def _handle() -> trimesh.Trimesh:
@@ -137,7 +164,11 @@ def _handle() -> trimesh.Trimesh:
     fine = np.linspace(places[-1], places[0], 40)
     half_x, half_y, roundness = (np.interp(fine, places[::-1], size[::-1]) for size in sizes)
     outlines = [superellipse(*section) for section in zip(half_x, half_y, roundness, strict=True)]
-    return loft(np.array([np.column_stack([o, np.full(len(o), z)]) for o, z in zip(outlines, fine, strict=True)]))
+    return loft(
+        np.array(
+            [np.column_stack([o, np.full(len(o), z)]) for o, z in zip(outlines, fine, strict=True)]
+        )
+    )
 
 
 def lens(face: ProbeFace) -> trimesh.Trimesh:
@@ -146,7 +177,9 @@ def lens(face: ProbeFace) -> trimesh.Trimesh:
     half_angle = (face.arc / 2 - face.edge_radius) / face.radius
     half_width = face.elevation / 2 - face.edge_radius
     angle = np.linspace(-half_angle, half_angle, 41)
-    arc = np.stack([inner_radius * np.sin(angle), inner_radius * np.cos(angle) - face.radius], axis=1)
+    arc = np.stack(
+        [inner_radius * np.sin(angle), inner_radius * np.cos(angle) - face.radius], axis=1
+    )
     edge = trimesh.creation.uv_sphere(radius=face.edge_radius, count=(12, 16)).vertices
     front = [edge + np.array([x, y, z]) for x, z in arc for y in (-half_width, half_width)]
     half_x, half_y = 0.029, face.elevation / 2 - 0.0005

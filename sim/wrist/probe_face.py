@@ -1,7 +1,7 @@
 """The face of a convex ultrasound probe as an exact signed distance, for contact.
 
-The solid is a sector of a disc (the array's arc), extruded in elevation, with every edge rounded: a smaller sector,
-inflated by the edges' radius.
+The solid is a sector of a disc (the array's arc), extruded in elevation, with every edge rounded: a
+smaller sector, inflated by the edges' radius.
 """
 
 import math
@@ -17,7 +17,9 @@ from breastscan.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeFace:
-    """A convex array with a 60 mm radius (R60) and a field of about 60 degrees; P lies in the middle of its face."""
+    """A convex array with a 60 mm radius (R60) and a field of about 60 degrees; P lies in the
+    middle of its face.
+    """
 
     radius: float = 0.060
     """Radius of the array's arc [m]."""
@@ -30,16 +32,25 @@ class ProbeFace:
 
     def __post_init__(self) -> None:
         if not 0 < 2 * self.edge_radius <= self.elevation:
-            raise ConfigError(f"edge_radius must lie in (0, {self.elevation / 2}] m, got {self.edge_radius} m", self)
+            raise ConfigError(
+                f"edge_radius must lie in (0, {self.elevation / 2}] m, got {self.edge_radius} m",
+                self,
+            )
         if not 2 * self.edge_radius < self.arc < math.pi * self.radius:
-            raise ConfigError(f"arc must lie between twice edge_radius and half a turn, got {self.arc} m", self)
+            raise ConfigError(
+                f"arc must lie between twice edge_radius and half a turn, got {self.arc} m", self
+            )
 
     def numbers(self) -> Float[np.ndarray, "5"]:
-        """What `distance` takes: inner sector's radius, sine and cosine of its half angle, half width; edge radius."""
+        """What `distance` takes: inner sector's radius, sine and cosine of its half angle, half
+        width; edge radius.
+        """
         half_angle = (self.arc / 2 - self.edge_radius) / self.radius
         half_width = self.elevation / 2 - self.edge_radius
         sine, cosine = math.sin(half_angle), math.cos(half_angle)
-        return np.array([self.radius - self.edge_radius, sine, cosine, half_width, self.edge_radius])
+        return np.array(
+            [self.radius - self.edge_radius, sine, cosine, half_width, self.edge_radius]
+        )
 
 
 @numba.njit(cache=True)
@@ -66,7 +77,9 @@ def distance(face, x, y, z):
     """
     inner_radius, sine, cosine, half_width, edge_radius = face
     side = 1.0 if x >= 0 else -1.0
-    across, gx, gz = _sector_distance(inner_radius, sine, cosine, abs(x), z + inner_radius + edge_radius)
+    across, gx, gz = _sector_distance(
+        inner_radius, sine, cosine, abs(x), z + inner_radius + edge_radius
+    )
     beyond = abs(y) - half_width
     gy = 1.0 if y >= 0 else -1.0
     if across > 0 and beyond > 0:
@@ -81,7 +94,9 @@ def distance(face, x, y, z):
 @numba.njit(cache=True)
 @no_type_check
 def _sector_distance(radius, sine, cosine, x, z):
-    """Signed distance, and its gradient, to a sector around +z with its tip in the origin, for x >= 0."""
+    """Signed distance, and its gradient, to a sector around +z with its tip in the origin, for x
+    >= 0.
+    """
     from_centre = math.sqrt(x * x + z * z)
     aside = x * cosine - z * sine
     if aside <= 0:

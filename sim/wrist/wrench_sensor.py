@@ -1,8 +1,9 @@
-"""The wrist sensor: from MuJoCo's raw force and torque to the wrench of the tissue at the probe's tip.
+"""The wrist sensor: from MuJoCo's raw force and torque to the wrench of the tissue at the probe's
+tip.
 
-What loads the sensor passes its wrong gains, its offsets, its noisy low-pass and its converter. From the reading,
-weight and inertia of the tool are taken out as far as they are known, the rest is moved to the tip, and the tare
-subtracted.
+What loads the sensor passes its wrong gains, its offsets, its noisy low-pass and its converter.
+From the reading, weight and inertia of the tool are taken out as far as they are known, the rest is
+moved to the tip, and the tare subtracted.
 """
 
 import math
@@ -28,7 +29,9 @@ NOISE_BLOCK = 256
 class WrenchSensor:
     """One sensor with its errors. It is asked once a control period."""
 
-    def __init__(self, config: WrenchSensorConfig, payload: Payload, X_FP: Float[np.ndarray, "4 4"]) -> None:
+    def __init__(
+        self, config: WrenchSensorConfig, payload: Payload, X_FP: Float[np.ndarray, "4 4"]
+    ) -> None:
         """Switch the sensor on.
 
         Args:
@@ -39,8 +42,11 @@ class WrenchSensor:
         errors, rng = config.errors, np.random.default_rng(config.seed)
         self._errors = errors
         self._gain = _gain(errors, rng)
-        self._drift_F = PERIOD * errors.drift * np.concatenate([_direction(rng), TORQUE_ARM * _direction(rng)])
-        self._pose_offset = errors.pose_offset * _contraction(rng)  # at 60 degrees, up moves by its own length
+        self._drift_F = (
+            PERIOD * errors.drift * np.concatenate([_direction(rng), TORQUE_ARM * _direction(rng)])
+        )
+        # at 60 degrees, up moves by its own length
+        self._pose_offset = errors.pose_offset * _contraction(rng)
         self._pole = low_pass_pole(errors.bandwidth)
         sigma = np.repeat([errors.force_noise, errors.torque_noise], 3)
         self._white = sigma * math.sqrt((1 + self._pole) / (1 - self._pole))
@@ -59,7 +65,8 @@ class WrenchSensor:
         self.samples = 0
         """Readings so far."""
         self.reading_F = np.zeros(6)
-        """The last reading, weight and all, at the measuring point in basis F, force first [N, N m]."""
+        """The last reading, weight and all, at the measuring point in basis F, force first [N, N
+        m]."""
         self._wrench_P, self._zero_P = np.zeros(6), np.zeros(6)
         self.set_payload(payload)
 
@@ -77,7 +84,8 @@ class WrenchSensor:
         """Wrench of the tissue on the probe since the tare, force first, at P in basis P [N, N m].
 
         Args:
-            load_F: What the tool really does to its sensor, force first, at the measuring point [N, N m].
+            load_F: What the tool really does to its sensor, force first, at the measuring point [N,
+                N m].
             R_WF: Orientation of the flange in the world.
             velocity_W: Velocity of the tool's centre of mass [m/s].
             acceleration_W: Its acceleration [m/s^2].
@@ -100,7 +108,9 @@ class WrenchSensor:
         """Take a wrench that `measure` gave as zero."""
         self._zero_P = self._zero_P + measured_P
 
-    def _sense(self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray) -> np.ndarray:
+    def _sense(
+        self, load_F: np.ndarray, R_WF: np.ndarray, acceleration_W: np.ndarray
+    ) -> np.ndarray:
         """A period of the sensor."""
         reading_F = self._read(load_F, R_WF)
         if self._periods % self._hold == 0:
@@ -113,7 +123,9 @@ class WrenchSensor:
     def _read(self, load_F: np.ndarray, R_WF: np.ndarray) -> np.ndarray:
         """What the converter gives."""
         if self._filtered_F is None:  # the low-pass has been running for long
-            self._filtered_F = _felt(load_F, R_WF, self._gain, self._pose_offset) + self._settled_noise
+            self._filtered_F = (
+                _felt(load_F, R_WF, self._gain, self._pose_offset) + self._settled_noise
+            )
         return _converted(
             load_F, R_WF, self._gain, self._pose_offset, self._periods * self._drift_F,
             self._next_noise(), self._pole, self._filtered_F, self._range, self._steps,
@@ -143,7 +155,9 @@ def _felt(load_F, R_WF, gain, pose_offset):
 @numba.njit(cache=True)
 @no_type_check
 def _converted(load_F, R_WF, gain, pose_offset, drift_F, noise_F, pole, filtered_F, limits, steps):
-    """The reading after low-pass, saturation and converter; the low-pass's memory `filtered_F` is changed in place."""
+    """The reading after low-pass, saturation and converter; the low-pass's memory `filtered_F`
+    is changed in place.
+    """
     felt_F, reading_F = _felt(load_F, R_WF, gain, pose_offset), np.empty(6)
     for i in range(6):
         filtered_F[i] = pole * filtered_F[i] + (1 - pole) * (felt_F[i] + drift_F[i] + noise_F[i])
@@ -171,7 +185,9 @@ def _at_tip(reading_F, R_WF, acceleration_W, load, to_tip):
 
 
 def low_pass_pole(bandwidth: float) -> float:
-    """Pole of the first-order low-pass that, sampled every period, is 3 dB down at `bandwidth` [Hz]; 0 passes all."""
+    """Pole of the first-order low-pass that, sampled every period, is 3 dB down at `bandwidth`
+    [Hz]; 0 passes all.
+    """
     if bandwidth >= 0.5 / PERIOD:
         return 0.0
     reach = 2 - math.cos(2 * math.pi * bandwidth * PERIOD)

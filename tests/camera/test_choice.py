@@ -20,7 +20,9 @@ def test_a_folder_is_opened_whatever_its_name_holds(tmp_path):
 
 def test_devices_and_serial_numbers_keep_their_order(monkeypatch):
     monkeypatch.setattr(cameras, "VideoCamera", lambda left, right: ("video", left, right))
-    monkeypatch.setattr(cameras, "GenicamCamera", lambda producer, serials: ("genicam", producer, serials))
+    monkeypatch.setattr(
+        cameras, "GenicamCamera", lambda producer, serials: ("genicam", producer, serials)
+    )
     monkeypatch.setattr(cameras, "load_producer", str)
     assert open_camera("devices:2,0") == ("video", 2, 0)
     assert open_camera("genicam:vendor.cti") == ("genicam", "vendor.cti", None)
@@ -28,7 +30,17 @@ def test_devices_and_serial_numbers_keep_their_order(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "option", ["", "twin", "folder:", "devices:0", "devices:0,x", "devices:0,1,2", "genicam:", "genicam:a.cti,L"]
+    "option",
+    [
+        "",
+        "twin",
+        "folder:",
+        "devices:0",
+        "devices:0,x",
+        "devices:0,1,2",
+        "genicam:",
+        "genicam:a.cti,L",
+    ],
 )
 def test_any_other_string_is_refused_with_the_forms(option):
     with pytest.raises(ConfigError) as caught:

@@ -23,13 +23,20 @@ def test_pairs_come_by_the_time_in_their_names(tmp_path):
     assert isinstance(camera, StereoCamera)
     pairs = [camera.capture() for _ in range(len(camera))]
     assert [pair.time for pair in pairs] == [2.0, 9.25, 10.5]
-    assert [(int(pair.left[0, 0]), int(pair.right[0, 0])) for pair in pairs] == [(10, 11), (20, 21), (30, 31)]
+    assert [(int(pair.left[0, 0]), int(pair.right[0, 0])) for pair in pairs] == [
+        (10, 11),
+        (20, 21),
+        (30, 31),
+    ]
 
 
 @pytest.mark.parametrize(
-    ("left", "right"), [("left.png", "right.png"), ("a_left.bmp", "a_right.png"), ("left7.tif", "right7.tif")]
+    ("left", "right"),
+    [("left.png", "right.png"), ("a_left.bmp", "a_right.png"), ("left7.tif", "right7.tif")],
 )
-def test_files_that_differ_in_left_and_right_alone_are_a_pair_timed_by_the_left_one(tmp_path, left, right):
+def test_files_that_differ_in_left_and_right_alone_are_a_pair_timed_by_the_left_one(
+    tmp_path, left, right
+):
     picture(tmp_path / left, 40)
     picture(tmp_path / right, 50)
     os.utime(tmp_path / left, (1234.5, 1234.5))

@@ -1,4 +1,6 @@
-"""Two GenICam cameras behind the interface of harvesters, whose parts stand here for a producer and its cameras."""
+"""Two GenICam cameras behind the interface of harvesters, whose parts stand here for a producer
+and its cameras.
+"""
 
 import sys
 from types import SimpleNamespace
@@ -29,10 +31,16 @@ class Buffer:
 
 class Camera:
     def __init__(self, shade):
-        self.shade, self.triggered, self.running, self.gone, self.data_format = shade, 0, False, False, "Mono8"
+        self.shade = shade
+        self.triggered = 0
+        self.running = False
+        self.gone = False
+        self.data_format = "Mono8"
         features = ("PixelFormat", "TriggerSelector", "TriggerMode", "TriggerSource")
         self.features = {name: SimpleNamespace(value=None) for name in features}
-        nodes = SimpleNamespace(**self.features, TriggerSoftware=SimpleNamespace(execute=self.trigger))
+        nodes = SimpleNamespace(
+            **self.features, TriggerSoftware=SimpleNamespace(execute=self.trigger)
+        )
         self.remote_device = SimpleNamespace(node_map=nodes)
 
     def start(self):
@@ -80,8 +88,11 @@ def test_a_pair_is_triggered_fetched_and_kept():
     assert pair.left.shape == (6, 8)
     assert 0 <= camera.skew < later.time - pair.time
     assert {name: feature.value for name, feature in harvester.cameras["B"].features.items()} == {
-        "PixelFormat": "Mono8", "TriggerSelector": "FrameStart", "TriggerMode": "On", "TriggerSource": "Software",
-    }  # fmt: skip
+        "PixelFormat": "Mono8",
+        "TriggerSelector": "FrameStart",
+        "TriggerMode": "On",
+        "TriggerSource": "Software",
+    }
 
 
 def test_serial_numbers_say_which_is_left():

@@ -31,13 +31,19 @@ def test_pictures_come_in_turn_with_rising_times(tmp_path):
     camera = VideoCamera(film(tmp_path / "left.avi", 25.0), film(tmp_path / "right.avi", 25.0))
     assert isinstance(camera, StereoCamera)
     pairs = [camera.capture() for _ in range(10)]
-    assert [number(pair.left) for pair in pairs] == [number(pair.right) for pair in pairs] == list(range(10))
+    assert (
+        [number(pair.left) for pair in pairs]
+        == [number(pair.right) for pair in pairs]
+        == list(range(10))
+    )
     assert np.diff([pair.time for pair in pairs[1:]]) == pytest.approx(0.04, abs=1e-6)
     assert pairs[0].left.shape == (48, 64)
 
 
 def test_cameras_of_different_rates_are_matched_by_their_times(tmp_path):
-    """At 25 and at 10 pictures a second every fifth of one and every second of the other are of one instant."""
+    """At 25 and at 10 pictures a second every fifth of one and every second of the other are of
+    one instant.
+    """
     camera = VideoCamera(film(tmp_path / "left.avi", 25.0), film(tmp_path / "right.avi", 10.0))
     camera.capture()
     for _ in range(4):
@@ -56,7 +62,9 @@ def test_pictures_that_never_come_together_are_refused_with_their_skew(tmp_path,
 
 
 def test_a_film_that_is_over_is_told(tmp_path):
-    camera = VideoCamera(film(tmp_path / "left.avi", 25.0, 3), film(tmp_path / "right.avi", 25.0, 3))
+    camera = VideoCamera(
+        film(tmp_path / "left.avi", 25.0, 3), film(tmp_path / "right.avi", 25.0, 3)
+    )
     for _ in range(3):
         camera.capture()
     with pytest.raises(PerceptionError, match="gives no picture"):

@@ -3,7 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from breastscan.cloud.filters import geometric_sample, grid_sample, statistical_inliers, uniform_sample
+from breastscan.cloud.filters import (
+    geometric_sample,
+    grid_sample,
+    statistical_inliers,
+    uniform_sample,
+)
 from breastscan.cloud.normals import surface_variation
 
 
@@ -13,7 +18,9 @@ def plate(count: int, seed: int = 0) -> np.ndarray:
 
 
 def plate_with_ridge() -> np.ndarray:
-    """A grid of 1 mm pitch on a square of 100 mm with a rounded ridge along y, 8 mm high and 12 mm wide."""
+    """A grid of 1 mm pitch on a square of 100 mm with a rounded ridge along y, 8 mm high and 12
+    mm wide.
+    """
     x, y = np.meshgrid(np.arange(-50, 51) * 1e-3, np.arange(-50, 51) * 1e-3)
     return np.stack([x, y, 0.5 - 8e-3 * np.exp(-0.5 * (x / 4e-3) ** 2)], axis=-1).reshape(-1, 3)
 
@@ -31,7 +38,10 @@ def test_denoising_is_equation_12_with_both_bounds():
     kept = statistical_inliers(points, k=4, alpha=1.0)
     distance = np.linalg.norm(points[:, None] - points, axis=-1)
     mean_distance = np.sort(distance, axis=1)[:, 1:5].mean(axis=1)
-    low, high = mean_distance.mean() - mean_distance.std(), mean_distance.mean() + mean_distance.std()
+    low, high = (
+        mean_distance.mean() - mean_distance.std(),
+        mean_distance.mean() + mean_distance.std(),
+    )
     np.testing.assert_array_equal(kept, (low <= mean_distance) & (mean_distance <= high))
     assert (mean_distance < low).any()
     assert (mean_distance > high).any()
@@ -41,7 +51,11 @@ def test_grid_sampling_keeps_exactly_one_point_a_cell():
     points = plate(3000)
     kept = points[grid_sample(points, 5e-3)]
     cells = np.floor(kept / 5e-3).astype(int)
-    assert len(np.unique(cells, axis=0)) == len(kept) == len(np.unique(np.floor(points / 5e-3).astype(int), axis=0))
+    assert (
+        len(np.unique(cells, axis=0))
+        == len(kept)
+        == len(np.unique(np.floor(points / 5e-3).astype(int), axis=0))
+    )
 
 
 def test_grid_sampling_keeps_the_point_nearest_to_the_cells_mean():
@@ -59,7 +73,9 @@ def test_uniform_sampling_is_farthest_point_sampling():
 
 
 def test_uniform_sampling_spaces_points_evenly_and_reaches_the_corners():
-    """400 points on 100 x 100 mm: random choice leaves neighbours .1 mm apart, farthest points stay above 3.5 mm."""
+    """400 points on 100 x 100 mm: random choice leaves neighbours .1 mm apart, farthest points
+    stay above 3.5 mm.
+    """
     points = plate(5000)
     kept = points[uniform_sample(points, 400)]
     gaps = np.linalg.norm(kept[:, None] - kept, axis=-1) + np.eye(400)
@@ -72,7 +88,9 @@ def test_geometric_sampling_is_denser_where_the_surface_bends():
     points = plate_with_ridge()
     kept = points[geometric_sample(points, surface_variation(points, radius=4e-3), 2000)]
     share_kept_on_ridge = np.mean(np.abs(kept[:, 0]) < 8e-3) / np.mean(np.abs(points[:, 0]) < 8e-3)
-    share_kept_on_plate = np.mean(np.abs(kept[:, 0]) > 20e-3) / np.mean(np.abs(points[:, 0]) > 20e-3)
+    share_kept_on_plate = np.mean(np.abs(kept[:, 0]) > 20e-3) / np.mean(
+        np.abs(points[:, 0]) > 20e-3
+    )
     assert share_kept_on_ridge > 2 * share_kept_on_plate > 0
 
 

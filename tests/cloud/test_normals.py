@@ -9,7 +9,9 @@ CENTRE = np.array([0.05, 0.0, 0.588])
 
 
 def sphere_cap(noise: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Points [m] and true normals on a cap that faces the camera, on a grid of .8 mm as the camera sees it."""
+    """Points [m] and true normals on a cap that faces the camera, on a grid of .8 mm as the
+    camera sees it.
+    """
     x, y = np.meshgrid(np.arange(-75, 76) * 0.8e-3, np.arange(-75, 76) * 0.8e-3)
     inside = np.hypot(x, y) < 0.06
     x, y = x[inside], y[inside]
@@ -49,7 +51,12 @@ def test_covariance_normals_are_numpys_least_squares_planes():
     query = np.array([[0.01, 0.02, 0.6]])
     near = points[np.linalg.norm(points - query, axis=1) <= 0.05]
     smallest = np.linalg.svd(near - near.mean(axis=0))[2][2]
-    assert degrees_off(estimate_normals(points, at=query, radius=0.05)[0], -np.sign(smallest[2]) * smallest) < 1e-6
+    assert (
+        degrees_off(
+            estimate_normals(points, at=query, radius=0.05)[0], -np.sign(smallest[2]) * smallest
+        )
+        < 1e-6
+    )
 
 
 def test_lonely_points_have_no_normal():
@@ -67,7 +74,9 @@ def test_variation_is_zero_on_a_plane_and_grows_with_curvature():
     x, y = np.meshgrid(np.linspace(-0.02, 0.02, 41), np.linspace(-0.02, 0.02, 41))
     middle = 41 * 20 + 20
     bends = [
-        surface_variation(np.stack([x, y, 0.5 + 0.5 * curvature * x**2], axis=-1).reshape(-1, 3))[middle]
+        surface_variation(np.stack([x, y, 0.5 + 0.5 * curvature * x**2], axis=-1).reshape(-1, 3))[
+            middle
+        ]
         for curvature in (0.0, 10.0, 20.0)
     ]
     assert bends[0] < 1e-12

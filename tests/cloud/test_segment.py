@@ -19,7 +19,10 @@ SCENE = DomeScene()
 def noisy_points(scene: DomeScene, noise: float = 0.4e-3, seed: int = 0) -> np.ndarray:
     """The scene as a matcher sees it: depth noise, and no points where only one camera looks."""
     depth = scene.points[..., 2]
-    points = scene.points * (1 + noise * np.random.default_rng(seed).standard_normal(depth.shape) / depth)[..., None]
+    points = (
+        scene.points
+        * (1 + noise * np.random.default_rng(seed).standard_normal(depth.shape) / depth)[..., None]
+    )
     return np.where(scene.seen_twice[..., None], points, np.nan)
 
 
@@ -41,7 +44,9 @@ def test_breast_is_found_on_its_plate_above_the_table(table_drop):
 
 
 def test_mask_covers_visible_skin_and_nothing_else_on_matched_images():
-    """A surface counts as covered only where there is a point: at least .95 of the skin that both cameras see."""
+    """A surface counts as covered only where there is a point: at least .95 of the skin that
+    both cameras see.
+    """
     points = matched_points()
     mask = segment_breast(points).mask
     visible_skin = SCENE.on_dome & SCENE.seen_twice
@@ -61,7 +66,9 @@ def test_cameras_may_look_from_the_side():
 
 
 def test_an_arm_beside_the_breast_is_left_out():
-    """A bar 40 mm thick lies over the plate's edge, 20 mm above it, and is larger in the image than the breast."""
+    """A bar 40 mm thick lies over the plate's edge, 20 mm above it, and is larger in the image
+    than the breast.
+    """
     points = noisy_points(SCENE)
     bar = np.abs(points[..., 1] - 0.13) < 0.035
     points[bar] *= (SCENE.plate_distance - 0.06) / points[bar][:, 2:]
@@ -121,7 +128,8 @@ def test_cloud_without_points_has_no_breast():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"cut_height": 0.0}, {"plane_tolerance": -1.0}, {"width_range": (0.2, 0.1)}, {"planes": 0}]
+    "wrong",
+    [{"cut_height": 0.0}, {"plane_tolerance": -1.0}, {"width_range": (0.2, 0.1)}, {"planes": 0}],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong)).replace("_", "-")):

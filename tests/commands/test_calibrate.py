@@ -34,7 +34,9 @@ def rig_file(rig, tmp_path_factory):
 
 def write_pictures(folder, rig, X_LBoard):
     for number, X in enumerate(X_LBoard):
-        pair = StereoPair(left=picture(rig.left, X), right=picture(rig.right, rig.X_RL @ X), time=0.0)
+        pair = StereoPair(
+            left=picture(rig.left, X), right=picture(rig.right, rig.X_RL @ X), time=0.0
+        )
         shots.write_shot(folder, f"{number:02d}", pair)
 
 
@@ -54,14 +56,24 @@ def flange_folder(rig, tmp_path_factory):
     return folder
 
 
-def test_a_folder_of_shots_becomes_a_rig_with_its_residuals_and_figures(rig, board_folder, tmp_path):
+def test_a_folder_of_shots_becomes_a_rig_with_its_residuals_and_figures(
+    rig, board_folder, tmp_path
+):
     calibrate(board_folder, out=tmp_path, board=BOARD)
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     found = StereoRig.load(tmp_path / "rig.yaml")
     assert metrics["calibration_reprojection_px"] < 0.15
     assert abs(found.baseline - rig.baseline) * 1e3 < 0.3
-    expected = {"residuals.csv", "metrics.json", "left_camera_info.yaml", "right_camera_info.yaml", "corners.png",
-                "residuals.png", "boards.png", "rectified.png"}  # fmt: skip
+    expected = {
+        "residuals.csv",
+        "metrics.json",
+        "left_camera_info.yaml",
+        "right_camera_info.yaml",
+        "corners.png",
+        "residuals.png",
+        "boards.png",
+        "rectified.png",
+    }
     assert expected <= {path.name for path in tmp_path.iterdir()}
     assert len((tmp_path / "residuals.csv").read_text().splitlines()) == 17
 
@@ -70,7 +82,9 @@ def test_a_folder_with_poses_becomes_the_cameras_place(rig, rig_file, flange_fol
     handeye(flange_folder, rig=rig_file, out=tmp_path, board=BOARD)
     X_LL = se3.inverse(rig.X_BL) @ StereoRig.load(tmp_path / "rig.yaml").X_BL
     assert np.linalg.norm(X_LL[:3, 3]) * 1e3 < 0.5
-    assert {"poses.png", "frames.png", "residuals.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"poses.png", "frames.png", "residuals.png"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
 
 
 def test_poses_survive_their_file(tmp_path):

@@ -1,4 +1,6 @@
-"""Two scans side by side: known differences are found, and folders that cannot be compared are refused."""
+"""Two scans side by side: known differences are found, and folders that cannot be compared are
+refused.
+"""
 
 import json
 
@@ -10,7 +12,10 @@ from breastscan.commands.compare import compare
 from breastscan.errors import ConfigError
 from tests.run.synthetic_run import trajectory_table
 
-LATER, DEEPER, HARDER, TURN = 0.4, 0.002, 0.25, 0.01
+LATER = 0.4
+DEEPER = 0.002
+HARDER = 0.25
+TURN = 0.01
 """What the second run does otherwise [s, m, N, rad]."""
 
 
@@ -35,7 +40,9 @@ def run(tmp_path, table):
 def changed(table):
     """Deeper, harder, one joint turned, and late from the middle of the loop on."""
     X_BP = table["X_BP"].to_numpy().reshape(-1, 4, 4).copy()
-    X_BP[:, :3, 3] += DEEPER * np.nan_to_num(table["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 2])
+    X_BP[:, :3, 3] += DEEPER * np.nan_to_num(
+        table["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 2]
+    )
     R = np.array([[np.cos(TURN), -np.sin(TURN), 0], [np.sin(TURN), np.cos(TURN), 0], [0, 0, 1]])
     X_BP[:, :3, :3] = X_BP[:, :3, :3] @ R
     wrench, q = table["wrench"].to_numpy().copy(), table["q"].to_numpy().copy()
@@ -73,7 +80,9 @@ def test_each_difference_is_found_with_its_sign_and_unit(run, table, tmp_path):
     assert found["plan_mm"]["largest"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_run_at_half_the_speed_is_compared_at_equal_path_length_not_at_equal_time(run, table, tmp_path):
+def test_a_run_at_half_the_speed_is_compared_at_equal_path_length_not_at_equal_time(
+    run, table, tmp_path
+):
     slow = table.with_columns(t=2 * table["t"])
     compare(run("a"), run("b", slow), tmp_path / "out")
     found = json.loads((tmp_path / "out/compare.json").read_text())["differences"]
@@ -83,7 +92,9 @@ def test_a_run_at_half_the_speed_is_compared_at_equal_path_length_not_at_equal_t
 
 
 def test_a_pause_shows_in_the_timing_alone(run, table, tmp_path):
-    """While it waits a scan stays at its path length, and the rows of the pause are no places of their own."""
+    """While it waits a scan stays at its path length, and the rows of the pause are no places of
+    their own.
+    """
     middle = int(np.flatnonzero(np.nan_to_num(table["s"].to_numpy()) > 0.1)[0])
     wait = pl.concat([table[middle : middle + 1]] * 500)
     rest = table[middle:].with_columns(t=table["t"][middle:] + 1.0)
@@ -121,7 +132,9 @@ def test_a_scan_that_never_came_to_its_path_is_refused(run, tmp_path):
 
 def test_loops_over_different_parts_of_the_path_do_not_overlap(run, table, tmp_path):
     s = pl.col("s")
-    with pytest.raises(ConfigError, match=r"do not overlap: their loops cover 0 \.\. 100 mm and 200 \.\. "):
+    with pytest.raises(
+        ConfigError, match=r"do not overlap: their loops cover 0 \.\. 100 mm and 200 \.\. "
+    ):
         compare(run("a", table.filter(s < 0.1)), run("b", table.filter(s > 0.2)), tmp_path / "out")
 
 

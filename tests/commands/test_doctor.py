@@ -22,7 +22,9 @@ def test_a_machine_without_opengl_is_told_what_to_install(monkeypatch):
 
 
 def test_what_a_scan_can_do_without_does_not_fail():
-    doctor.require_needed([doctor.Finding("Vulkan", False, "no loader", "install it", needed=False)])
+    doctor.require_needed(
+        [doctor.Finding("Vulkan", False, "no loader", "install it", needed=False)]
+    )
 
 
 def test_the_cache_of_the_kernels_is_looked_for_where_numba_keeps_it(monkeypatch):

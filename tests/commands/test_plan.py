@@ -13,14 +13,18 @@ from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
 from sim.wrist.probe import tip_pose
 
-CENTRE_B, RADIUS, HEIGHT = np.array([0.5, 0.0, 0.08]), 0.075, 0.055
+CENTRE_B = np.array([0.5, 0.0, 0.08])
+RADIUS = 0.075
+HEIGHT = 0.055
 
 
 def dome() -> tuple[np.ndarray, np.ndarray]:
     """Points and normals of half an ellipsoid on a plate at 80 mm."""
     k = np.arange(4000) + 0.5
     z, turn = k / len(k), np.pi * (1 + np.sqrt(5)) * k
-    unit = np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1)
+    unit = np.stack(
+        [np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1
+    )
     axes = np.array([RADIUS, RADIUS, HEIGHT])
     normals = unit / axes
     return CENTRE_B + axes * unit, normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -55,7 +59,9 @@ def test_tables_hold_time_joints_and_tool_poses_that_agree(tmp_path, cloud):
     values = rows.to_numpy()
     np.testing.assert_allclose(np.diff(values[:, 0]), 0.002, atol=1e-9)
     X_BP = se3.from_rotation_vector(values[:, 10:13], values[:, 7:10])
-    np.testing.assert_allclose(X_BP, kinematics.forward(values[:, 1:7]) @ tip_pose(np.pi / 4), atol=1e-7)
+    np.testing.assert_allclose(
+        X_BP, kinematics.forward(values[:, 1:7]) @ tip_pose(np.pi / 4), atol=1e-7
+    )
     content = json.loads((tmp_path / "trajectory.json").read_text())
     np.testing.assert_allclose(content["rows"], values, atol=1e-9)
     np.testing.assert_allclose(content["q_approach_rad"], planned.q_approach)
@@ -76,7 +82,9 @@ def test_the_plate_may_lie_lower_than_the_cloud(tmp_path, cloud):
 
 def test_the_default_tool_is_the_twins():
     tcp = np.array(plan.PlanConfig().tcp)
-    np.testing.assert_allclose(se3.from_rotation_vector(tcp[3:], tcp[:3]), tip_pose(np.pi / 4), atol=1e-7)
+    np.testing.assert_allclose(
+        se3.from_rotation_vector(tcp[3:], tcp[:3]), tip_pose(np.pi / 4), atol=1e-7
+    )
 
 
 def table(**changes: list) -> pl.DataFrame:

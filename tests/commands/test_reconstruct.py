@@ -61,13 +61,22 @@ def test_depth_map_is_the_depth_in_metres_to_a_fifth_of_a_millimetre(folder, tmp
 def test_cloud_on_disk_lies_on_the_sphere(folder, tmp_path):
     run(folder, tmp_path)
     cloud = trimesh.load(tmp_path / "cloud.ply")
-    distance = np.linalg.norm(np.asarray(cloud.vertices) - SCENE.sphere_centre, axis=-1) - SCENE.sphere_radius
+    distance = (
+        np.linalg.norm(np.asarray(cloud.vertices) - SCENE.sphere_centre, axis=-1)
+        - SCENE.sphere_radius
+    )
     assert 1e3 * np.sqrt(np.mean(distance**2)) < 0.2
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["cloud.ply", "depth.tiff", "disparity.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "cloud.ply",
+        "depth.tiff",
+        "disparity.png",
+    ]
 
 
 def test_view_without_a_breast_gives_a_cloud_of_all_that_is_seen(folder, tmp_path):
-    """The room of boards before a wall: each point lies at one of their depths, a pixel of disparity being 1 to 2 %."""
+    """The room of boards before a wall: each point lies at one of their depths, a pixel of
+    disparity being 1 to 2 %.
+    """
     room = edge_pair(width=640, height=448)
     cv2.imwrite(str(folder / "room_left.png"), room.left)
     cv2.imwrite(str(folder / "room_right.png"), room.right)
@@ -80,7 +89,9 @@ def test_view_without_a_breast_gives_a_cloud_of_all_that_is_seen(folder, tmp_pat
     assert known.min() - 1 < np.quantile(disparity, 0.01)
     assert np.quantile(disparity, 0.99) < known.max() + 1
     depth = cv2.imread(str(tmp_path / "depth.tiff"), cv2.IMREAD_UNCHANGED)
-    off = np.abs(SCENE.focal_px * SCENE.baseline / depth - room.disparity)[room.seen_twice & np.isfinite(depth)]
+    off = np.abs(SCENE.focal_px * SCENE.baseline / depth - room.disparity)[
+        room.seen_twice & np.isfinite(depth)
+    ]
     assert np.mean(off > 1) < 0.02
 
 
@@ -111,7 +122,9 @@ def test_cut_off_file_is_refused_by_name(tmp_path, suffix, share):
     cv2.imwrite(str(path), SCENE.pair().left)
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
-    with pytest.raises(PerceptionError, match=f"image{suffix} is not an image, or is damaged.*copy it again"):
+    with pytest.raises(
+        PerceptionError, match=f"image{suffix} is not an image, or is damaged.*copy it again"
+    ):
         read_grey(path)
 
 
@@ -124,7 +137,9 @@ def test_cut_off_file_is_refused_by_name(tmp_path, suffix, share):
         (SCENE.pair().right[:, :-10], "right image is 630x448 px.*calibrated for 640x448"),
     ],
 )
-def test_unusable_image_is_named_with_a_cure_and_nothing_is_written(folder, tmp_path, image, complaint):
+def test_unusable_image_is_named_with_a_cure_and_nothing_is_written(
+    folder, tmp_path, image, complaint
+):
     cv2.imwrite(str(folder / "other.png"), image)
     out = tmp_path / "out"
     with pytest.raises(PerceptionError, match=complaint):
@@ -133,6 +148,8 @@ def test_unusable_image_is_named_with_a_cure_and_nothing_is_written(folder, tmp_
 
 
 def test_exchanged_images_are_recognised_and_nothing_is_written(folder, tmp_path):
-    with pytest.raises(PerceptionError, match=r"left and the right image are exchanged.*exchange the two files"):
+    with pytest.raises(
+        PerceptionError, match=r"left and the right image are exchanged.*exchange the two files"
+    ):
         run(folder, tmp_path, left="right.png", right="left.png")
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,6 @@
-"""The main job as a user runs it: one scan of the default phantom, held to what the README claims."""
+"""The main job as a user runs it: one scan of the default phantom, held to what the README
+claims.
+"""
 
 import json
 import signal
@@ -23,9 +25,17 @@ from sim.scene import Scene, SceneConfig
 from sim.wrist.wrench_errors import WRENCH_CLASSES
 
 FILES = {
-    "metrics.json", "config.json", "left.png", "right.png", "disparity.png", "cloud.ply", "path.csv",
-    "trajectory.parquet", "cell.json", "report.html",
-}  # fmt: skip
+    "metrics.json",
+    "config.json",
+    "left.png",
+    "right.png",
+    "disparity.png",
+    "cloud.ply",
+    "path.csv",
+    "trajectory.parquet",
+    "cell.json",
+    "report.html",
+}
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +92,10 @@ def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
     q, target, q_plan = (loop[name].to_numpy() for name in ("q", "target", "q_plan"))
     late = round(ServoConfig().nominal_lag / 0.002)
     assert np.abs(q - target).max() > 0.0
-    assert np.abs(q[late:] - target[:-late]).max() < 0.001  # the arm trails its targets by the servo's lag
-    assert np.abs(target - q_plan).max() > 0.005  # the force controller moved the targets by the indentation
+    # the arm trails its targets by the servo's lag
+    assert np.abs(q[late:] - target[:-late]).max() < 0.001
+    # the force controller moved the targets by the indentation
+    assert np.abs(target - q_plan).max() > 0.005
     numeric = np.gradient(q, 0.002, axis=0)
     assert np.abs(numeric - loop["qd"].to_numpy())[2:-2].max() < 0.02
 
@@ -124,7 +136,9 @@ def rig():
 
 
 def test_images_of_different_sizes_are_refused(rig):
-    pair = StereoPair(left=np.zeros((1024, 1280), np.uint8), right=np.zeros((960, 1280), np.uint8), time=0.0)
+    pair = StereoPair(
+        left=np.zeros((1024, 1280), np.uint8), right=np.zeros((960, 1280), np.uint8), time=0.0
+    )
     with pytest.raises(PerceptionError, match="1280x960"):
         perceive(pair, rig, ScanConfig(), Stages())
 

@@ -26,12 +26,16 @@ def nothing_may_be_looked_at(monkeypatch):
     monkeypatch.setattr(scan_command, "SimStereoCamera", refuse)
 
 
-@pytest.mark.parametrize(("option", "host"), [("rtde://127.0.0.1", "127.0.0.1"), ("rtde://arm.cell", "arm.cell")])
+@pytest.mark.parametrize(
+    ("option", "host"), [("rtde://127.0.0.1", "127.0.0.1"), ("rtde://arm.cell", "arm.cell")]
+)
 def test_the_host_stands_after_the_scheme(option, host):
     assert host_of(option) == host
 
 
-@pytest.mark.parametrize("option", ["127.0.0.1", "rtde://", "rtde://arm:30004", "http://arm", "rtde://arm/x"])
+@pytest.mark.parametrize(
+    "option", ["127.0.0.1", "rtde://", "rtde://arm:30004", "http://arm", "rtde://arm/x"]
+)
 def test_a_robot_of_another_form_is_refused(option):
     with pytest.raises(ConfigError, match="rtde://HOST"):
         host_of(option)
@@ -64,20 +68,31 @@ def test_no_controller_is_told_and_leaves_nothing_behind(tmp_path):
 
 def test_the_file_of_a_cell_takes_the_place_of_the_scenes_and_options_that_of_the_file(tmp_path):
     scene = Scene()
-    other = replace(cell_of(scene), payload=Payload(mass=1.1, centre_F=scene.X_FP[:3, 3]), link=LinkLimits(slack=2.0))
+    other = replace(
+        cell_of(scene),
+        payload=Payload(mass=1.1, centre_F=scene.X_FP[:3, 3]),
+        link=LinkLimits(slack=2.0),
+    )
     other.save(tmp_path / "cell.json")
     assert robot_cell(scene, None, None, None, LinkLimits()).payload.mass < 0.5
     cell = robot_cell(scene, tmp_path / "cell.json", None, None, LinkLimits())
     assert (cell.payload.mass, cell.link.slack) == (1.1, 2.0)
-    assert robot_cell(scene, tmp_path / "cell.json", None, None, LinkLimits(slack=3.0)).link.slack == 3.0
+    assert (
+        robot_cell(scene, tmp_path / "cell.json", None, None, LinkLimits(slack=3.0)).link.slack
+        == 3.0
+    )
 
 
 def test_rig_and_calibration_take_the_place_of_the_cells(tmp_path):
     scene = Scene()
     estimated = replace(scene.rig, X_BL=scene.X_BL @ scene.X_BL)
     estimated.save(tmp_path / "rig.yaml")
-    rows = "\n".join(f"delta_{name} = [0.0002, 0, 0, 0, 0, 0]" for name in ("theta", "d", "a", "alpha"))
+    rows = "\n".join(
+        f"delta_{name} = [0.0002, 0, 0, 0, 0, 0]" for name in ("theta", "d", "a", "alpha")
+    )
     (tmp_path / "calibration.conf").write_text(f"[mounting]\n{rows}\n")
-    cell = robot_cell(scene, None, tmp_path / "rig.yaml", tmp_path / "calibration.conf", LinkLimits())
+    cell = robot_cell(
+        scene, None, tmp_path / "rig.yaml", tmp_path / "calibration.conf", LinkLimits()
+    )
     np.testing.assert_allclose(cell.rig.X_BL, estimated.X_BL, atol=1e-12)
     assert not np.array_equal(cell.kinematics.X_joints, KinematicCalibration.nominal().X_joints)

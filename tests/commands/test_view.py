@@ -14,7 +14,8 @@ from sim.live.panel import WIDTH_PX
 from tests import chromium
 
 START_TIME = 120.0
-"""Longest wait for the page [s]: the scene is compiled and the phantom's tissue, perhaps, solved."""
+"""Longest wait for the page [s]: the scene is compiled and the phantom's tissue, perhaps,
+solved."""
 
 
 def free_port():
@@ -25,9 +26,21 @@ def free_port():
 
 @pytest.fixture(scope="module")
 def page_port(tmp_path_factory):
-    """Port of a running view; at the end Ctrl-C must stop it within seconds and leave nothing half done."""
+    """Port of a running view; at the end Ctrl-C must stop it within seconds and leave nothing
+    half done.
+    """
     port, out = free_port(), tmp_path_factory.mktemp("view")
-    command = [sys.executable, "-m", "breastscan", "view", "--web", "--port", str(port), "--out", str(out)]
+    command = [
+        sys.executable,
+        "-m",
+        "breastscan",
+        "view",
+        "--web",
+        "--port",
+        str(port),
+        "--out",
+        str(out),
+    ]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     until = time.monotonic() + START_TIME
     while not answers(port):
@@ -50,7 +63,9 @@ def answers(port, host="127.0.0.1"):
         return False
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux answers at every address of the loopback")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux answers at every address of the loopback"
+)
 def test_the_page_is_served_at_the_loopback_address_alone(page_port):
     """A server that listened everywhere would answer at 127.0.0.2 too."""
     assert answers(page_port)
@@ -58,7 +73,17 @@ def test_the_page_is_served_at_the_loopback_address_alone(page_port):
 
 
 def test_a_taken_port_is_a_clear_error(page_port, tmp_path):
-    command = [sys.executable, "-m", "breastscan", "view", "--web", "--port", str(page_port), "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "breastscan",
+        "view",
+        "--web",
+        "--port",
+        str(page_port),
+        "--out",
+        str(tmp_path),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=START_TIME)
     assert done.returncode == 1
     assert f"ConfigError: port {page_port} is taken" in done.stderr
@@ -66,7 +91,9 @@ def test_a_taken_port_is_a_clear_error(page_port, tmp_path):
 
 
 def test_the_page_shows_scene_and_panel_and_starts_on_the_space_bar(page_port, tmp_path):
-    """The scene is drawn (many shades), the panel beside it (light or dark, but even), and Space starts the arm."""
+    """The scene is drawn (many shades), the panel beside it (light or dark, but even), and Space
+    starts the arm.
+    """
     with chromium.Page(f"http://127.0.0.1:{page_port}/", tmp_path / "profile") as page:
         page.wait_for("Model loaded and scene initialized successfully", START_TIME)
         page.wait_for("First remote draw frame applied", START_TIME)
@@ -80,12 +107,19 @@ def test_the_page_shows_scene_and_panel_and_starts_on_the_space_bar(page_port, t
 
 
 def moves_on_space(page, scene):
-    """Whether the scene changes after a stroke of the space bar: a stroke is lost while the page loads."""
+    """Whether the scene changes after a stroke of the space bar: a stroke is lost while the page
+    loads.
+    """
     page.press_space()
     until = time.monotonic() + START_TIME / 4
     while time.monotonic() < until:
         time.sleep(1.0)
-        if np.abs(page.screenshot()[: scene.shape[0], : scene.shape[1]].astype(float) - scene).max() >= 60:
+        if (
+            np.abs(
+                page.screenshot()[: scene.shape[0], : scene.shape[1]].astype(float) - scene
+            ).max()
+            >= 60
+        ):
             return True
     return False
 

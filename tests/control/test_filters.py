@@ -23,7 +23,9 @@ def response(frequency):
 
 
 @pytest.mark.parametrize("frequency", [1.0, 5.0, 20.0])
-def test_amplitude_and_phase_are_those_of_first_order_for_the_force_and_of_two_in_a_row_for_its_change(frequency):
+def test_the_force_is_filtered_by_first_order_and_its_change_by_two_in_a_row(
+    frequency,
+):
     force, change = response(frequency)
     first_order = 1 / (1 + 1j * frequency / CORNER)
     assert force == pytest.approx(first_order, abs=0.02)

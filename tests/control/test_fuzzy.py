@@ -19,10 +19,13 @@ def oracle():
     system = simpful.FuzzySystem(operators=["AND_PRODUCT"], show_banner=False)
     peaks = range(-3, 4)
     sets = [
-        simpful.TriangleFuzzySet(peak - 1, peak, peak + 1, term=name) for peak, name in zip(peaks, SETS, strict=True)
+        simpful.TriangleFuzzySet(peak - 1, peak, peak + 1, term=name)
+        for peak, name in zip(peaks, SETS, strict=True)
     ]
     for variable in ("e", "de"):
-        system.add_linguistic_variable(variable, simpful.LinguisticVariable(sets, universe_of_discourse=[-3, 3]))
+        system.add_linguistic_variable(
+            variable, simpful.LinguisticVariable(sets, universe_of_discourse=[-3, 3])
+        )
     for peak, name in zip(peaks, SETS, strict=True):
         system.set_crisp_output_value(name, peak)
     for row, error in zip(RULES, SETS, strict=True):
@@ -42,7 +45,9 @@ def oracle():
 def test_the_table_as_printed_is_what_simpful_infers(oracle):
     rng = np.random.default_rng(0)
     for error, change in rng.uniform(-3.5, 3.5, (150, 2)):
-        np.testing.assert_allclose(fuzzy.infer_as_printed(error, change), oracle(error, change), atol=1e-12)
+        np.testing.assert_allclose(
+            fuzzy.infer_as_printed(error, change), oracle(error, change), atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("error", [-2.4, -0.3, 1.1, 3.0])

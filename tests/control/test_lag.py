@@ -9,7 +9,9 @@ NOMINAL = 0.034
 
 
 def estimate(lag, period=0.002, duration=4.0, offset=0.0, amplitude=0.2, noise=0.0):
-    """After joints that swing slowly, each at its own pace, `lag` [s] behind their targets and `offset` [rad] aside."""
+    """After joints that swing slowly, each at its own pace, `lag` [s] behind their targets and
+    `offset` [rad] aside.
+    """
     rates, rng = np.array([0.3, 0.5, 0.7, 0.4, 0.6, 0.8]), np.random.default_rng(0)
 
     def target(time):

@@ -8,7 +8,9 @@ from breastscan.control import phases
 from breastscan.control.phases import Phase, PhaseConfig, Progress, Route, Situation
 from breastscan.errors import RobotError, SafetyError
 
-CONFIG, PERIOD, ROUTE = PhaseConfig(), 0.002, Route(1000)
+CONFIG = PhaseConfig()
+PERIOD = 0.002
+ROUTE = Route(1000)
 SKIN_NEAR = Situation(depth=0.0, rate=0.0, force=0.0, touching=False)
 AIR = Situation(depth=-0.03, rate=0.0, force=0.0, touching=False)
 SKIN = Situation(depth=0.005, rate=0.0, force=5.0, touching=True)
@@ -49,7 +51,9 @@ def test_a_pause_leads_off_the_skin_from_every_phase_on_it(phase):
     seen = []
     for _ in range(2000):
         lifted = progress.phase in (Phase.RETREAT, Phase.PAUSE)
-        now = Situation(-0.03 if lifted else now.depth, 0.0, now.force, now.touching and not lifted, pause=True)
+        now = Situation(
+            -0.03 if lifted else now.depth, 0.0, now.force, now.touching and not lifted, pause=True
+        )
         progress, _ = step(progress, now)
         seen.append(progress.phase)
     assert seen[-1] is Phase.PAUSE

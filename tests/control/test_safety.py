@@ -20,7 +20,9 @@ def command(q, tip=(0.0, 0.0, 0.0), depth=0.0):
 
 
 def let_through(wanted, before=None):
-    return safety.let_through(wanted, before or Sent.resting(np.zeros(6)), WORKSPACE, LIMITS, PERIOD)
+    return safety.let_through(
+        wanted, before or Sent.resting(np.zeros(6)), WORKSPACE, LIMITS, PERIOD
+    )
 
 
 def test_a_command_inside_every_limit_passes_to_the_last_bit():
@@ -58,19 +60,26 @@ def test_whatever_is_asked_neither_speed_nor_acceleration_pass_their_limits(befo
 
 @pytest.mark.parametrize(
     ("wanted", "why"),
-    [(command(np.zeros(6), tip=(0.0, 1.01, 0.0)), "workspace"), (command(np.zeros(6), depth=0.026), "26 mm beyond")],
+    [
+        (command(np.zeros(6), tip=(0.0, 1.01, 0.0)), "workspace"),
+        (command(np.zeros(6), depth=0.026), "26 mm beyond"),
+    ],
 )
 def test_a_tip_outside_its_workspace_or_too_deep_is_told(wanted, why):
     assert why in str(let_through(wanted).fault)
 
 
-@pytest.mark.parametrize(("offset", "why"), [(0.013, None), (-0.0145, "14 mm above"), (0.015, "15 mm below")])
+@pytest.mark.parametrize(
+    ("offset", "why"), [(0.013, None), (-0.0145, "14 mm above"), (0.015, "15 mm below")]
+)
 def test_skin_that_is_elsewhere_is_told(offset, why):
     fault = safety.judge_skin(offset, 0.0, 0.0, LIMITS)
     assert fault is None if why is None else why in str(fault)
 
 
-@pytest.mark.parametrize(("speed", "duration", "passes"), [(0.02, 1.0, True), (-0.03, 0.09, True), (-0.03, 0.2, False)])
+@pytest.mark.parametrize(
+    ("speed", "duration", "passes"), [(0.02, 1.0, True), (-0.03, 0.09, True), (-0.03, 0.2, False)]
+)
 def test_skin_that_keeps_moving_fast_is_told(speed, duration, passes):
     hurry = 0.0
     for _ in range(round(duration / PERIOD)):

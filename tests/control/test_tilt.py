@@ -14,8 +14,12 @@ from breastscan.errors import ConfigError
 PERIOD, CONFIG = 0.002, TiltConfig()
 
 
-def scan(about_x=0.0, about_y=0.0, friction=0.1, heading=0.6, duration=8.0, noise=0.0, config=CONFIG):
-    """The correction after a plan that is tilted [rad] was walked; the probe sets out after a second at rest."""
+def scan(
+    about_x=0.0, about_y=0.0, friction=0.1, heading=0.6, duration=8.0, noise=0.0, config=CONFIG
+):
+    """The correction after a plan that is tilted [rad] was walked; the probe sets out after a
+    second at rest.
+    """
     memory, rng = TiltMemory(), np.random.default_rng(0)
     for k in range(round(duration / PERIOD)):
         speed = 0.025 * min(max(k * PERIOD - 1.0, 0.0), 1.0)
@@ -55,7 +59,9 @@ def test_friction_is_learnt_and_not_taken_for_a_tilt(friction, heading):
 def test_the_correction_stays_within_its_bound_and_its_rate():
     memory = scan(about_x=math.radians(30.0))
     assert memory.rx == pytest.approx(-CONFIG.bound)
-    one = tilt.turn(Drag((0.0, 4.0, -5.0, 0.0), (0.0, 0.0), 0.0, PERIOD), TiltMemory(fy=1.0), CONFIG)
+    one = tilt.turn(
+        Drag((0.0, 4.0, -5.0, 0.0), (0.0, 0.0), 0.0, PERIOD), TiltMemory(fy=1.0), CONFIG
+    )
     assert abs(one.rx) == pytest.approx(CONFIG.rate_limit * PERIOD)
 
 

@@ -67,7 +67,9 @@ def test_the_limit_rises_with_the_set_point_but_never_above_the_absolute_one():
     for set_point, passes in ((5.0, False), (8.0, True), (14.0, True)):
         now = observation(1, wrench(fz=-12.5), set_point=set_point)
         assert (watch.look(now, state, LIMITS)[0] is None) == passes
-    assert watch.look(observation(1, wrench(fz=-15.1), set_point=14.0), state, LIMITS)[0] is not None
+    assert (
+        watch.look(observation(1, wrench(fz=-15.1), set_point=14.0), state, LIMITS)[0] is not None
+    )
 
 
 def test_a_count_of_samples_that_stands_still_is_a_frozen_sensor():
@@ -95,4 +97,7 @@ def test_silence_of_the_robot_is_told():
 
 def test_a_deadline_missed_by_twenty_milliseconds_is_told_and_one_by_ten_is_not():
     assert first_fault([observation(0), observation(6, sample=1)])[0] is None
-    assert "missed its deadline by 20 ms" in first_fault([observation(0), observation(11, sample=1)])[1]
+    assert (
+        "missed its deadline by 20 ms"
+        in first_fault([observation(0), observation(11, sample=1)])[1]
+    )

@@ -1,4 +1,6 @@
-"""The synthetic room's truth is one that its images obey, and the matcher keeps to its depth edges."""
+"""The synthetic room's truth is one that its images obey, and the matcher keeps to its depth
+edges.
+"""
 
 import numpy as np
 from scipy.ndimage import map_coordinates

@@ -16,7 +16,9 @@ def test_a_domes_normals_point_outwards_about_fifty_degrees_off_vertical():
 
 
 def test_the_dome_of_an_exact_ellipse_has_the_ellipsoids_normals(monkeypatch):
-    """Half an ellipsoid with base half axes 70 and 80 mm, as high as the twin's breast, cut at half its height."""
+    """Half an ellipsoid with base half axes 70 and 80 mm, as high as the twin's breast, cut at
+    half its height.
+    """
     a, b = 0.07, 0.08
     h = paper_loop.HEIGHT_SHARE * np.sqrt(a * b)
     angle = np.linspace(0.0, 2 * np.pi, 15, endpoint=False)
@@ -37,7 +39,10 @@ def test_points_out_of_reach_are_named_with_their_distance():
 @pytest.fixture(scope="module")
 def walk() -> joint_walks.Walk:
     loop = joint_walks.Loop(
-        name="paper", path=paper_loop.vertical(), table_height=paper_loop.TABLE_HEIGHT, in_twin=False
+        name="paper",
+        path=paper_loop.vertical(),
+        table_height=paper_loop.TABLE_HEIGHT,
+        in_twin=False,
     )
     return joint_walks.walk(loop, 45.0, "free")
 
@@ -51,7 +56,9 @@ def test_the_mujoco_arm_walks_the_papers_loop_as_planned(walk):
 
 
 def test_every_method_keeps_the_chord_error_and_newton_the_fluctuation(walk):
-    loop = joint_walks.Loop(name="paper", path=paper_loop.vertical(), table_height=0.0, in_twin=False)
+    loop = joint_walks.Loop(
+        name="paper", path=paper_loop.vertical(), table_height=0.0, in_twin=False
+    )
     rows = {row["method"]: row for row in joint_walks.fluctuations([loop])}
     assert set(rows) == {"taylor1", "taylor2", "newton"}
     assert (
@@ -60,4 +67,6 @@ def test_every_method_keeps_the_chord_error_and_newton_the_fluctuation(walk):
         < rows["taylor2"]["fluctuation_pct"]
         < rows["taylor1"]["fluctuation_pct"]
     )
-    assert all(row["chord_error_mm"] < 1e-3 and row["seam_curvature"] < 1e-9 for row in rows.values())
+    assert all(
+        row["chord_error_mm"] < 1e-3 and row["seam_curvature"] < 1e-9 for row in rows.values()
+    )

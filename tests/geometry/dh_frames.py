@@ -20,6 +20,8 @@ def dh_frames(q: np.ndarray) -> np.ndarray:
     frames = [np.eye(4)]
     for angle, (d, a, alpha_deg) in zip(q, UR5E_ROWS, strict=True):
         turn = se3.from_rotation_vector(np.array([0.0, 0.0, angle]), np.array([0.0, 0.0, d]))
-        twist = se3.from_rotation_vector(np.array([np.radians(alpha_deg), 0.0, 0.0]), np.array([a, 0.0, 0.0]))
+        twist = se3.from_rotation_vector(
+            np.array([np.radians(alpha_deg), 0.0, 0.0]), np.array([a, 0.0, 0.0])
+        )
         frames.append(frames[-1] @ turn @ twist)
     return np.array(frames)

@@ -52,7 +52,8 @@ UR_YAML = """kinematics:
 """
 """Layout of the file that ur_calibration writes, with the nominal UR5e's numbers."""
 CORRECTIONS = {
-    name: np.random.default_rng(seed).normal(0.0, 1e-3, 6) for seed, name in enumerate(("theta", "d", "a", "alpha"))
+    name: np.random.default_rng(seed).normal(0.0, 1e-3, 6)
+    for seed, name in enumerate(("theta", "d", "a", "alpha"))
 }
 
 
@@ -61,15 +62,21 @@ def random_joint_angles(count: int) -> np.ndarray:
 
 
 def conf_text(values: dict[str, np.ndarray]) -> str:
-    rows = [f"delta_{name} = [ {', '.join(f'{v:.17g}' for v in row)}]" for name, row in values.items()]
-    return "\n".join(["[mounting]", *rows, "calibration_status = 0", "joint_checksum = [ 0x1, 0x2]", ""])
+    rows = [
+        f"delta_{name} = [ {', '.join(f'{v:.17g}' for v in row)}]" for name, row in values.items()
+    ]
+    return "\n".join(
+        ["[mounting]", *rows, "calibration_status = 0", "joint_checksum = [ 0x1, 0x2]", ""]
+    )
 
 
 def test_the_ros_drivers_yaml_of_a_nominal_arm_is_the_nominal_arm(tmp_path):
     path = tmp_path / "my_robot_calibration.yaml"
     path.write_text(UR_YAML)
     q = random_joint_angles(50)
-    np.testing.assert_allclose(calibration_file.load(path).forward(q), kinematics.forward(q), atol=1e-8)
+    np.testing.assert_allclose(
+        calibration_file.load(path).forward(q), kinematics.forward(q), atol=1e-8
+    )
 
 
 def test_the_controllers_file_gives_its_corrections(tmp_path):
@@ -87,7 +94,10 @@ def test_the_controllers_file_gives_its_corrections(tmp_path):
         (UR_YAML.replace("z: 0.1625", "z: high"), "shoulder has no number z"),
         (UR_YAML.replace("x: -0.425", "x: -0.6127"), "of another arm"),
         (conf_text(CORRECTIONS).replace("delta_alpha", "delta_beta"), "delta_alpha"),
-        ("[mounting]\ndelta_theta = [0, 0]\ndelta_d = [0]\ndelta_a = [0]\ndelta_alpha = [0]\n", "six finite numbers"),
+        (
+            "[mounting]\ndelta_theta = [0, 0]\ndelta_d = [0]\ndelta_a = [0]\ndelta_alpha = [0]\n",
+            "six finite numbers",
+        ),
     ],
 )
 def test_a_file_that_is_no_calibration_says_what_is_wrong(tmp_path, text, why):

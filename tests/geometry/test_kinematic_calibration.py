@@ -7,7 +7,9 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 
 
 def corrections(seed: int = 0) -> dict[str, np.ndarray]:
-    """As large as a real arm's; the nearly parallel axes 2 and 3 take large offsets that cancel each other."""
+    """As large as a real arm's; the nearly parallel axes 2 and 3 take large offsets that cancel
+    each other.
+    """
     rng = np.random.default_rng(seed)
     values = {
         "theta": rng.normal(0.0, 1e-3, 6),
@@ -50,7 +52,9 @@ def test_forward_is_the_product_of_the_corrected_dh_matrices(arm):
 
 def test_the_flange_is_millimetres_from_where_the_nominal_arm_has_it(arm):
     q = random_joint_angles(200)
-    apart_mm = 1e3 * np.linalg.norm(arm.forward(q)[:, :3, 3] - kinematics.forward(q)[:, :3, 3], axis=1)
+    apart_mm = 1e3 * np.linalg.norm(
+        arm.forward(q)[:, :3, 3] - kinematics.forward(q)[:, :3, 3], axis=1
+    )
     assert 0.5 < np.median(apart_mm) < 10.0
 
 

@@ -20,7 +20,9 @@ def test_forward_is_the_product_of_the_dh_matrices(q):
 
 
 def test_arm_is_stretched_along_minus_x_at_zero_as_universal_robots_define_it():
-    np.testing.assert_allclose(kinematics.forward(np.zeros(6))[:3, 3], [-0.8172, -0.2329, 0.0628], atol=1e-12)
+    np.testing.assert_allclose(
+        kinematics.forward(np.zeros(6))[:3, 3], [-0.8172, -0.2329, 0.0628], atol=1e-12
+    )
 
 
 def test_every_solution_of_the_inverse_reaches_the_pose_within_a_nanometre():
@@ -40,14 +42,18 @@ def test_the_angles_that_made_a_pose_are_among_its_solutions():
 
 
 def test_a_generic_pose_has_eight_different_solutions():
-    q = kinematics.inverse(kinematics.forward(np.radians([20.0, -100.0, 110.0, -70.0, -60.0, 30.0])))
+    q = kinematics.inverse(
+        kinematics.forward(np.radians([20.0, -100.0, 110.0, -70.0, -60.0, 30.0]))
+    )
     assert q.shape == (8, 6)
     apart = np.abs(q[:, None] - q[None]).max(axis=-1)
     assert apart[~np.eye(8, dtype=bool)].min() > 0.1
 
 
 def test_branches_keep_their_index_along_a_continuous_motion():
-    ends = np.radians([[20.0, -100.0, 110.0, -70.0, -60.0, 30.0], [60.0, -80.0, 90.0, -90.0, -80.0, 80.0]])
+    ends = np.radians(
+        [[20.0, -100.0, 110.0, -70.0, -60.0, 30.0], [60.0, -80.0, 90.0, -90.0, -80.0, 80.0]]
+    )
     q = ends[0] + np.linspace(0.0, 1.0, 200)[:, None] * (ends[1] - ends[0])
     branches = kinematics.inverse_branches(kinematics.forward(q))
     index = np.nanargmin(np.abs(branches - q[:, None]).max(axis=-1), axis=1)
@@ -59,7 +65,9 @@ def test_a_pose_beyond_reach_has_no_solution_and_says_by_how_much():
     q = np.radians([10.0, -70.0, 0.0, -20.0, -90.0, 0.0])  # the elbow is stretched
     X_BF = kinematics.forward(q)
     frames = dh_frames(q)
-    outwards = (frames[3, :3, 3] - frames[1, :3, 3]) / np.linalg.norm(frames[3, :3, 3] - frames[1, :3, 3])
+    outwards = (frames[3, :3, 3] - frames[1, :3, 3]) / np.linalg.norm(
+        frames[3, :3, 3] - frames[1, :3, 3]
+    )
     X_BF[:3, 3] += 0.020 * outwards
     assert kinematics.inverse(X_BF).shape == (0, 6)
     assert kinematics.reach_excess(X_BF) * 1e3 == pytest.approx(20.0, abs=0.5)
@@ -82,7 +90,9 @@ def test_reach_excess_is_zero_exactly_where_a_solution_exists():
 def test_the_folded_wrist_is_solved_with_joint_six_at_zero():
     X_BF = kinematics.forward(np.radians([20.0, -100.0, 110.0, -70.0, 0.0, 30.0]))
     q = kinematics.inverse(X_BF)
-    np.testing.assert_allclose(kinematics.forward(q), np.broadcast_to(X_BF, (len(q), 4, 4)), atol=1e-9)
+    np.testing.assert_allclose(
+        kinematics.forward(q), np.broadcast_to(X_BF, (len(q), 4, 4)), atol=1e-9
+    )
     assert np.any(q[:, 5] == 0.0)
 
 

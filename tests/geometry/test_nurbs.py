@@ -15,7 +15,9 @@ U = np.linspace(0.0, 1.0, 401)
 
 def wavy_loop(count: int = 15, seed: int = 0) -> np.ndarray:
     angle = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
-    ring = np.stack([0.060 * np.cos(angle), 0.073 * np.sin(angle), 0.003 * np.sin(3 * angle)], axis=1)
+    ring = np.stack(
+        [0.060 * np.cos(angle), 0.073 * np.sin(angle), 0.003 * np.sin(3 * angle)], axis=1
+    )
     return ring + np.random.default_rng(seed).normal(0.0, 1e-3, ring.shape)
 
 
@@ -49,7 +51,9 @@ def test_tangent_and_curvature_match_at_the_seam(weights):
 
 
 def relative_jump(before_after: np.ndarray) -> float:
-    return float(np.linalg.norm(before_after[1] - before_after[0]) / np.linalg.norm(before_after[0]))
+    return float(
+        np.linalg.norm(before_after[1] - before_after[0]) / np.linalg.norm(before_after[0])
+    )
 
 
 @settings(deadline=None, max_examples=25)
@@ -71,7 +75,9 @@ def test_rational_curve_equals_geomdl(closed):
     for u in (0.0, 0.123, 0.5, 0.987):
         expected = np.array(oracle.derivatives(u, order=2))
         for order in range(3):
-            np.testing.assert_allclose(curve.evaluate(u, order), expected[order], rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(
+                curve.evaluate(u, order), expected[order], rtol=1e-8, atol=1e-9
+            )
 
 
 @pytest.mark.parametrize("weights", [None, random_weights()])
@@ -79,7 +85,9 @@ def test_derivatives_agree_with_finite_differences(weights):
     curve, step = Nurbs.interpolate(wavy_loop(), weights=weights), 1e-6
     u = np.linspace(0.01, 0.99, 57)
     for order in (1, 2):
-        numeric = (curve.evaluate(u + step, order - 1) - curve.evaluate(u - step, order - 1)) / (2 * step)
+        numeric = (curve.evaluate(u + step, order - 1) - curve.evaluate(u - step, order - 1)) / (
+            2 * step
+        )
         scale = np.abs(numeric).max()
         np.testing.assert_allclose(curve.evaluate(u, order), numeric, atol=1e-4 * scale)
 
@@ -87,7 +95,9 @@ def test_derivatives_agree_with_finite_differences(weights):
 def test_open_curve_leaves_its_ends_along_the_parabola_through_the_outermost_points():
     points = np.stack([np.linspace(0.0, 0.1, 7), np.linspace(0.0, 0.1, 7) ** 2], axis=1)
     for weights in (None, random_weights(7)):
-        ends = Nurbs.interpolate(points, closed=False, weights=weights).evaluate(np.array([0.0, 1.0]), 1)
+        ends = Nurbs.interpolate(points, closed=False, weights=weights).evaluate(
+            np.array([0.0, 1.0]), 1
+        )
         assert ends[0, 1] / ends[0, 0] == pytest.approx(0.0, abs=1e-3)
         assert ends[1, 1] / ends[1, 0] == pytest.approx(0.2, abs=1e-3)
 
@@ -102,9 +112,15 @@ def test_open_curve_solves_the_papers_equations():
     e[0] = points[0] + delta[3] / 3 * first_tangent
     e[n] = points[n] - delta[n + 2] / 3 * last_tangent
     for i in range(2, n + 1):
-        before, after = delta[i] + delta[i + 1] + delta[i + 2], delta[i + 1] + delta[i + 2] + delta[i + 3]
+        before, after = (
+            delta[i] + delta[i + 1] + delta[i + 2],
+            delta[i + 1] + delta[i + 2] + delta[i + 3],
+        )
         a = delta[i + 2] ** 2 / before
-        b = delta[i + 2] * (delta[i] + delta[i + 1]) / before + delta[i + 1] * (delta[i + 2] + delta[i + 3]) / after
+        b = (
+            delta[i + 2] * (delta[i] + delta[i + 1]) / before
+            + delta[i + 1] * (delta[i + 2] + delta[i + 3]) / after
+        )
         c = delta[i + 1] ** 2 / after
         A[i - 1, i - 2 : i + 1] = a, b, c
         e[i - 1] = (delta[i + 1] + delta[i + 2]) * points[i - 1]
@@ -123,7 +139,9 @@ def test_circle_has_the_circles_length_and_curvature():
 def test_arc_length_agrees_with_adaptive_quadrature_and_inverts(weights):
     curve = Nurbs.interpolate(wavy_loop(), weights=weights)
     speed = lambda u: float(np.linalg.norm(curve.evaluate(u, 1)))  # noqa: E731
-    expected, _ = quad(speed, 0.0, 0.37, points=curve.breaks[curve.breaks < 0.37], epsabs=1e-12, limit=200)
+    expected, _ = quad(
+        speed, 0.0, 0.37, points=curve.breaks[curve.breaks < 0.37], epsabs=1e-12, limit=200
+    )
     assert curve.arc_length(np.array([0.37]))[0] == pytest.approx(expected, abs=1e-9)
     s = np.linspace(0.0, curve.length, 50)
     np.testing.assert_allclose(curve.arc_length(curve.parameter(s)), s, atol=1e-12)
@@ -134,8 +152,12 @@ def test_polynomials_reproduce_the_curve():
     span = np.minimum(np.searchsorted(curve.breaks, U, side="right") - 1, len(curve.breaks) - 2)
     homogeneous = np.zeros((len(U), 4))
     for power in range(4):
-        homogeneous = homogeneous * (U - curve.breaks[span])[:, None] + curve.polynomials[span, power]
-    np.testing.assert_allclose(homogeneous[:, :3] / homogeneous[:, 3:], curve.evaluate(U), atol=1e-14)
+        homogeneous = (
+            homogeneous * (U - curve.breaks[span])[:, None] + curve.polynomials[span, power]
+        )
+    np.testing.assert_allclose(
+        homogeneous[:, :3] / homogeneous[:, 3:], curve.evaluate(U), atol=1e-14
+    )
 
 
 def test_a_heavier_vertex_draws_the_curve_and_leaves_the_rest_alone():

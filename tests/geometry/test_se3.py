@@ -34,7 +34,9 @@ def test_a_pose_keeps_lengths_and_angles(X_AB, a_B, b_B):
 def test_the_rotation_vector_comes_back(r):
     length = np.linalg.norm(r)
     r = r if length < 3.1 else r * 3.1 / length
-    np.testing.assert_allclose(se3.rotation_vector(se3.from_rotation_vector(r, np.zeros(3))), r, atol=1e-7)
+    np.testing.assert_allclose(
+        se3.rotation_vector(se3.from_rotation_vector(r, np.zeros(3))), r, atol=1e-7
+    )
 
 
 def test_every_function_is_batched():
@@ -43,7 +45,9 @@ def test_every_function_is_batched():
     X = se3.from_rotation_vector(r, p)
     assert X.shape == (5, 4, 4, 4)
     np.testing.assert_allclose(se3.inverse(X)[2, 3], se3.inverse(X[2, 3]), atol=1e-15)
-    np.testing.assert_allclose(X[1, 1, :3, :3], Rotation.from_rotvec(r[1, 1]).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(
+        X[1, 1, :3, :3], Rotation.from_rotvec(r[1, 1]).as_matrix(), atol=1e-15
+    )
     assert se3.rotation_vector(X).shape == (5, 4, 3)
 
 

@@ -7,12 +7,17 @@ from breastscan.planning import feedrate
 from breastscan.planning.feedrate import FeedrateLimits
 
 PERIOD = 0.002
-SHARP_WEIGHTS = np.array([1.0, 5.0, 1.0, 0.2, 1.0, 3.0, 1.0, 1.0, 4.0, 1.0, 0.3, 1.0, 1.0, 2.0, 1.0])
+SHARP_WEIGHTS = np.array(
+    [1.0, 5.0, 1.0, 0.2, 1.0, 3.0, 1.0, 1.0, 4.0, 1.0, 0.3, 1.0, 1.0, 2.0, 1.0]
+)
 
 
 def loop(weights: np.ndarray | None = None, half_width: float = 0.073) -> Nurbs:
     angle = np.linspace(0.0, 2 * np.pi, 15, endpoint=False)
-    ring = np.stack([0.5 + 0.045 * np.cos(angle), half_width * np.sin(angle), 0.1 + 0.003 * np.sin(3 * angle)], axis=1)
+    ring = np.stack(
+        [0.5 + 0.045 * np.cos(angle), half_width * np.sin(angle), 0.1 + 0.003 * np.sin(3 * angle)],
+        axis=1,
+    )
     return Nurbs.interpolate(ring, weights=weights)
 
 
@@ -32,7 +37,9 @@ def test_loop_is_walked_from_rest_to_rest_exactly_once():
 
 def test_speed_acceleration_and_jerk_stay_inside_their_limits():
     limits = FeedrateLimits()
-    speeds = np.concatenate([[0.0], chord_speeds(feedrate.interpolate(loop(), limits, PERIOD)), [0.0]])
+    speeds = np.concatenate(
+        [[0.0], chord_speeds(feedrate.interpolate(loop(), limits, PERIOD)), [0.0]]
+    )
     acceleration = np.diff(speeds) / PERIOD
     assert speeds.max() <= limits.speed * (1 + 1e-7)
     assert speeds.max() > 0.99 * limits.speed
@@ -57,7 +64,9 @@ def test_chord_error_limit_binds_where_it_is_tight():
 
 
 @pytest.mark.parametrize("weights", [None, SHARP_WEIGHTS])
-def test_speed_fluctuates_less_with_every_order_and_less_than_a_millionth_of_a_percent_with_newton(weights):
+def test_speed_fluctuates_less_with_every_order_and_less_than_a_millionth_of_a_percent_with_newton(
+    weights,
+):
     fluctuation = {
         step: feedrate.interpolate(loop(weights), FeedrateLimits(step=step), PERIOD).fluctuation_pct
         for step in ("taylor1", "taylor2", "newton")
@@ -81,7 +90,9 @@ def test_speed_limit_on_a_circle_follows_the_smaller_of_chord_and_normal_acceler
     limit = feedrate.speed_limit(np.array([1 / rho]), limits, PERIOD)[0]
     assert limit == pytest.approx(np.sqrt(rho * 0.020))
     weak = FeedrateLimits(speed=10.0, normal_acceleration=1e6)
-    assert feedrate.speed_limit(np.array([1 / rho]), weak, PERIOD)[0] == pytest.approx(expected_chord)
+    assert feedrate.speed_limit(np.array([1 / rho]), weak, PERIOD)[0] == pytest.approx(
+        expected_chord
+    )
 
 
 def test_short_curve_that_never_reaches_full_speed_is_still_walked_to_its_end():
@@ -91,7 +102,9 @@ def test_short_curve_that_never_reaches_full_speed_is_still_walked_to_its_end():
     assert chord_speeds(feed).max() < 0.01
 
 
-@pytest.mark.parametrize("name", ["speed", "acceleration", "normal_acceleration", "jerk", "chord_error"])
+@pytest.mark.parametrize(
+    "name", ["speed", "acceleration", "normal_acceleration", "jerk", "chord_error"]
+)
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_limits_that_are_not_positive_are_named(name, value):
     with pytest.raises(ConfigError, match=name.replace("_", "-")):

@@ -14,7 +14,9 @@ PERIOD = 0.002
 
 
 def probe_mount(angle_deg: float = 45.0) -> np.ndarray:
-    X_turn = se3.from_rotation_vector(np.array([0.0, np.radians(angle_deg), 0.0]), np.array([0.0, 0.0, 0.06]))
+    X_turn = se3.from_rotation_vector(
+        np.array([0.0, np.radians(angle_deg), 0.0]), np.array([0.0, 0.0, 0.06])
+    )
     return X_turn @ se3.pose(np.eye(3), np.array([0.0, 0.0, 0.14]))
 
 
@@ -30,7 +32,9 @@ def loop(x: float = 0.5) -> Path:
 
 
 def plan(path: Path, mount_deg: float = 45.0, **joints: float) -> tuple[Motion, Feed]:
-    return motion.plan(path, probe_mount(mount_deg), PERIOD, FeedrateLimits(), JointPathConfig(**joints))
+    return motion.plan(
+        path, probe_mount(mount_deg), PERIOD, FeedrateLimits(), JointPathConfig(**joints)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +74,9 @@ def test_joints_stay_inside_every_limit_without_a_flip(planned):
 
 def test_joint_speeds_carry_the_probe_at_the_feedrate(ring, planned):
     p_F = probe_mount()[:3, 3]
-    velocity_B, turn_B = np.einsum("nkij,nj->kni", kinematics.jacobian(planned.q).reshape(-1, 2, 3, 6), planned.qd)
+    velocity_B, turn_B = np.einsum(
+        "nkij,nj->kni", kinematics.jacobian(planned.q).reshape(-1, 2, 3, 6), planned.qd
+    )
     velocity = velocity_B + np.cross(turn_B, kinematics.forward(planned.q)[:, :3, :3] @ p_F)
     np.testing.assert_allclose(velocity, np.gradient(ring[0], PERIOD, axis=0), atol=1e-6)
 
@@ -88,10 +94,17 @@ def test_arm_stays_above_the_floor(planned):
 def test_approach_and_retreat_are_clear_of_the_skin_along_the_normal(ring, planned):
     (positions_B, normals_B), clearance = ring, JointPathConfig().clearance
     q_retreat = planned.lifted(len(planned.q) - 1, probe_mount(), KinematicCalibration.nominal())
-    for q, q_skin, sample in ((planned.q_approach, planned.q[0], 0), (q_retreat, planned.q[-1], -1)):
+    for q, q_skin, sample in (
+        (planned.q_approach, planned.q[0], 0),
+        (q_retreat, planned.q[-1], -1),
+    ):
         X_BP = kinematics.forward(q) @ probe_mount()
-        np.testing.assert_allclose(X_BP[:3, 3], positions_B[sample] + clearance * normals_B[sample], atol=1e-9)
-        np.testing.assert_allclose(X_BP[:3, :3], (kinematics.forward(q_skin) @ probe_mount())[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(
+            X_BP[:3, 3], positions_B[sample] + clearance * normals_B[sample], atol=1e-9
+        )
+        np.testing.assert_allclose(
+            X_BP[:3, :3], (kinematics.forward(q_skin) @ probe_mount())[:3, :3], atol=1e-9
+        )
         assert np.abs(q - q_skin).max() < np.radians(40.0)
 
 

@@ -27,8 +27,12 @@ def loop() -> Path:
     )
 
 
-def plan(limits: FeedrateLimits | None = None, period: float = PERIOD, **joints: float) -> motion.Motion:
-    return motion.plan(loop(), X_FP, period, limits or FeedrateLimits(), JointPathConfig(**joints))[0]
+def plan(
+    limits: FeedrateLimits | None = None, period: float = PERIOD, **joints: float
+) -> motion.Motion:
+    return motion.plan(loop(), X_FP, period, limits or FeedrateLimits(), JointPathConfig(**joints))[
+        0
+    ]
 
 
 def largest(planned: motion.Motion, order: int, period: float = PERIOD) -> float:
@@ -46,9 +50,12 @@ def test_joints_that_keep_up_are_not_slowed(planned):
 
 
 @pytest.mark.parametrize(
-    ("limit", "order", "bound"), [("speed_limit", 1, 0.2), ("acceleration_limit", 2, 0.1), ("jerk_limit", 3, 0.5)]
+    ("limit", "order", "bound"),
+    [("speed_limit", 1, 0.2), ("acceleration_limit", 2, 0.1), ("jerk_limit", 3, 0.5)],
 )
-def test_a_limit_that_would_be_broken_slows_the_motion_down_until_it_just_holds(planned, limit, order, bound):
+def test_a_limit_that_would_be_broken_slows_the_motion_down_until_it_just_holds(
+    planned, limit, order, bound
+):
     slowed = plan(**{limit: bound})
     assert 0.95 * bound < largest(slowed, order) <= bound
     factor = (largest(planned, order) / bound) ** (1 / order)
@@ -57,7 +64,9 @@ def test_a_limit_that_would_be_broken_slows_the_motion_down_until_it_just_holds(
 
 
 def test_slowing_down_leaves_path_and_fluctuation_alone(planned):
-    slowed, feed = motion.plan(loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(speed_limit=0.2))
+    slowed, feed = motion.plan(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(speed_limit=0.2)
+    )
     tip_B = (kinematics.forward(slowed.q) @ X_FP)[:, :3, 3]
     np.testing.assert_allclose(tip_B, feed.positions, atol=1e-9)
     assert feed.fluctuation_pct < 1e-6
@@ -72,7 +81,12 @@ def test_a_feedrate_twenty_times_too_fast_is_slowed_as_well():
 
 def test_the_use_of_each_limit_names_joint_value_and_place(planned):
     angle, speed, acceleration, jerk = joint_limits.limit_uses(planned.q, PERIOD, JointPathConfig())
-    assert (angle.limit, speed.limit, acceleration.limit, jerk.limit) == ("angle", "speed", "acceleration", "jerk")
+    assert (angle.limit, speed.limit, acceleration.limit, jerk.limit) == (
+        "angle",
+        "speed",
+        "acceleration",
+        "jerk",
+    )
     by_hand = np.abs(np.diff(planned.q, axis=0)) / PERIOD
     sample, joint = np.unravel_index(by_hand.argmax(), by_hand.shape)
     assert (speed.sample, speed.joint) == (sample, joint + 1)
@@ -80,22 +94,33 @@ def test_the_use_of_each_limit_names_joint_value_and_place(planned):
 
 
 def test_acceleration_and_jerk_do_not_depend_on_the_sampling(planned):
-    """Physics: a motion whose jerk is bounded looks the same at 1 and at 2 ms; a hidden kink would double."""
+    """Physics: a motion whose jerk is bounded looks the same at 1 and at 2 ms; a hidden kink
+    would double.
+    """
     for config in ({}, {"spin_tolerance": 0.0}):
         coarse, fine = plan(**config), plan(period=PERIOD / 2, **config)
         for order in (1, 2, 3):
-            assert largest(fine, order, PERIOD / 2) == pytest.approx(largest(coarse, order), rel=0.05)
+            assert largest(fine, order, PERIOD / 2) == pytest.approx(
+                largest(coarse, order), rel=0.05
+            )
 
 
 def test_a_calibrated_arm_puts_the_tip_on_the_path():
     rng = np.random.default_rng(0)
     arm = KinematicCalibration.from_dh_corrections(
-        theta=rng.normal(0, 1e-3, 6), d=rng.normal(0, 5e-4, 6), a=rng.normal(0, 5e-4, 6), alpha=rng.normal(0, 1e-3, 6)
+        theta=rng.normal(0, 1e-3, 6),
+        d=rng.normal(0, 5e-4, 6),
+        a=rng.normal(0, 5e-4, 6),
+        alpha=rng.normal(0, 1e-3, 6),
     )
-    planned, feed = motion.plan(loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), calibration=arm)
+    planned, feed = motion.plan(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), calibration=arm
+    )
     tip_B = (arm.forward(planned.q) @ X_FP)[:, :3, 3]
     np.testing.assert_allclose(tip_B, feed.positions, atol=1e-9)
-    nominal_mm = 1e3 * np.linalg.norm((kinematics.forward(planned.q) @ X_FP)[:, :3, 3] - tip_B, axis=1)
+    nominal_mm = 1e3 * np.linalg.norm(
+        (kinematics.forward(planned.q) @ X_FP)[:, :3, 3] - tip_B, axis=1
+    )
     assert nominal_mm.max() > 0.3
 
 
@@ -106,7 +131,9 @@ def test_the_arm_goes_another_way_round_a_collision(planned):
     def clearances(q: np.ndarray) -> np.ndarray:
         return np.abs(np.angle(np.exp(1j * (q[:, 5] - forbidden)))) * 0.05
 
-    around, _ = motion.plan(loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=clearances)
+    around, _ = motion.plan(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=clearances
+    )
     assert clearances(planned.q).min() < 1e-3
     assert clearances(around.q).min() > 0.008
 
@@ -114,7 +141,12 @@ def test_the_arm_goes_another_way_round_a_collision(planned):
 def test_a_collision_that_no_spin_avoids_is_named():
     with pytest.raises(PlanningError, match="within 10 mm of itself or its surroundings"):
         motion.plan(
-            loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=lambda q: np.full(len(q), 0.005)
+            loop(),
+            X_FP,
+            PERIOD,
+            FeedrateLimits(),
+            JointPathConfig(),
+            clearances=lambda q: np.full(len(q), 0.005),
         )
 
 
@@ -122,5 +154,7 @@ def test_a_path_that_cannot_be_left_along_the_probes_axis_is_refused_with_its_pl
     arm = KinematicCalibration.nominal()
     planned.require_lift(X_FP, arm)
     far = dataclasses.replace(planned, clearance=1.5)
-    with pytest.raises(PlanningError, match="0 mm along the path the probe cannot be lifted by 1500 mm"):
+    with pytest.raises(
+        PlanningError, match="0 mm along the path the probe cannot be lifted by 1500 mm"
+    ):
         far.require_lift(X_FP, arm)

@@ -29,11 +29,15 @@ def test_patch_reproduces_a_quadratic_surface_and_its_normal():
     height = COEFFICIENTS[0]
     np.testing.assert_allclose(patch.point(np.zeros(2)), P_BQ + height * R_BQ[:, 2], atol=1e-12)
     normal_Q = np.array([-COEFFICIENTS[1], -COEFFICIENTS[2], 1.0])
-    np.testing.assert_allclose(patch.normal(np.zeros(2)), R_BQ @ normal_Q / np.linalg.norm(normal_Q), atol=1e-10)
+    np.testing.assert_allclose(
+        patch.normal(np.zeros(2)), R_BQ @ normal_Q / np.linalg.norm(normal_Q), atol=1e-10
+    )
 
 
 def test_tangents_are_the_derivatives_of_the_point():
-    patch, xy, step = quadratic_surface().patch(P_BQ, R_BQ[:, 2]), np.array([0.004, -0.003]), 1e-6
+    patch = quadratic_surface().patch(P_BQ, R_BQ[:, 2])
+    xy = np.array([0.004, -0.003])
+    step = 1e-6
     for axis, change in enumerate(np.eye(2) * step):
         numeric = (patch.point(xy + change) - patch.point(xy - change)) / (2 * step)
         np.testing.assert_allclose(patch.tangents(xy)[axis], numeric, atol=1e-9)

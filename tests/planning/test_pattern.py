@@ -12,7 +12,9 @@ S_ORIGIN_B = np.array([0.5, 0.0, 0.08])
 PLATE = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=0.08)
 
 
-def ellipsoid_cloud(count: int = 4000, noise: float = 3e-4, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def ellipsoid_cloud(
+    count: int = 4000, noise: float = 3e-4, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     """Upper half of an ellipsoid on the plate, with noise along the normals [m]."""
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=(count, 3))
@@ -108,7 +110,9 @@ def test_uneven_density_does_not_move_the_loop():
 
 def test_tilted_plate_is_followed():
     tilt = np.radians(10.0)
-    R = np.array([[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]])
+    R = np.array(
+        [[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]]
+    )
     points_B, normals_B = ellipsoid_cloud()
     tilted = Plane(normal=R[:, 2], offset=float(R[:, 2] @ S_ORIGIN_B))
     turned_B = (points_B - S_ORIGIN_B) @ R.T + S_ORIGIN_B
@@ -139,7 +143,9 @@ def test_a_loop_at_the_very_top_is_refused():
 
 
 def test_a_loop_smaller_than_the_smallest_is_refused():
-    with pytest.raises(PlanningError, match=r"radius of 6\d mm, the smallest to be scanned is 90 mm"):
+    with pytest.raises(
+        PlanningError, match=r"radius of 6\d mm, the smallest to be scanned is 90 mm"
+    ):
         pattern.half_height_loop(*ellipsoid_cloud(), PLATE, PatternConfig(smallest_radius=0.09))
 
 
@@ -148,11 +154,14 @@ def test_an_empty_band_is_refused():
     low = PLATE.heights(points_B) < 0.003
     high = PLATE.heights(points_B) > 0.05
     with pytest.raises(PlanningError, match="points lie near the height"):
-        pattern.half_height_loop(points_B[low | high], normals_B[low | high], PLATE, PatternConfig())
+        pattern.half_height_loop(
+            points_B[low | high], normals_B[low | high], PLATE, PatternConfig()
+        )
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("points", 3), ("height_share", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)]
+    ("name", "value"),
+    [("points", 3), ("height_share", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)],
 )
 def test_settings_that_make_no_loop_are_named(name, value):
     with pytest.raises(ConfigError, match=name.replace("_", "-")):

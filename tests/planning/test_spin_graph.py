@@ -8,7 +8,9 @@ from breastscan.errors import PlanningError
 from breastscan.planning.spin_graph import KNEE_SPEED, SHIFTS, SPIN_STEP, SPINS, SpinGraph, spun
 
 
-def graph_of(q: np.ndarray, cost: np.ndarray | None = None, largest_step: float = 100.0) -> SpinGraph:
+def graph_of(
+    q: np.ndarray, cost: np.ndarray | None = None, largest_step: float = 100.0
+) -> SpinGraph:
     poses = len(q)
     return SpinGraph(
         q=q,
@@ -34,7 +36,9 @@ def test_least_motion_equals_the_least_over_all_paths():
     cost = np.full((3, SPINS, 8), np.inf)
     cost[:, :, branches] = 0.0
     every_path = itertools.product(range(SPINS), SHIFTS, SHIFTS, branches)
-    least = min(path_motion(q, np.cumsum([start, *shifts]), branch) for start, *shifts, branch in every_path)
+    least = min(
+        path_motion(q, np.cumsum([start, *shifts]), branch) for start, *shifts, branch in every_path
+    )
     spins, branch = graph_of(q, cost).least_motion()
     assert path_motion(q, np.round(spins / SPIN_STEP).astype(int), branch) == pytest.approx(least)
 

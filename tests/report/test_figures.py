@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from breastscan.report import cloud_view, contact_figures, joint_figures, path_figures, theme, time_figures
+from breastscan.report import (
+    cloud_view,
+    contact_figures,
+    joint_figures,
+    path_figures,
+    theme,
+    time_figures,
+)
 from breastscan.run.columns import Trajectory
 from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
 
@@ -11,7 +18,9 @@ from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
 @pytest.fixture(scope="session")
 def hardware(tmp_path_factory):
     """A log without truth."""
-    return Trajectory.load(write_run(tmp_path_factory.mktemp("hardware"), with_truth=False) / "trajectory.parquet")
+    return Trajectory.load(
+        write_run(tmp_path_factory.mktemp("hardware"), with_truth=False) / "trajectory.parquet"
+    )
 
 
 def line(axis, label):
@@ -28,12 +37,17 @@ def test_the_planned_loop_passes_through_the_path_points(run):
 
 def test_the_drawn_deviation_is_enlarged_by_the_factor_in_its_label(run):
     top = path_figures.planned_and_executed(run.path_B, run.trajectory).axes[0]
-    planned_mm, errors_mm = line(top, "planned").get_xydata(), run.trajectory.path_errors_mm()[:, :2]
+    planned_mm, errors_mm = (
+        line(top, "planned").get_xydata(),
+        run.trajectory.path_errors_mm()[:, :2],
+    )
     drawn_mm = line(top, "executed, deviation × 2").get_xydata() - planned_mm
     np.testing.assert_allclose(drawn_mm, 2 * errors_mm, atol=1e-9)
 
 
-@pytest.mark.parametrize(("deviation", "factor"), [(0.01, 100.0), (0.5, 20.0), (5.0, 2.0), (30.0, 1.0)])
+@pytest.mark.parametrize(
+    ("deviation", "factor"), [(0.01, 100.0), (0.5, 20.0), (5.0, 2.0), (30.0, 1.0)]
+)
 def test_deviations_are_enlarged_only_as_far_as_the_loop_stays_recognisable(deviation, factor):
     assert path_figures.magnification(np.array([[deviation, 0.0, 0.0]]), extent=120.0) == factor
 
@@ -51,7 +65,9 @@ def test_the_histogram_holds_the_whole_loop(run):
     assert sum(bar.get_width() for bar in normal_errors.patches) == pytest.approx(100.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("draw", "measured"), [(joint_figures.joint_angles, "q"), (joint_figures.joint_speeds, "qd")])
+@pytest.mark.parametrize(
+    ("draw", "measured"), [(joint_figures.joint_angles, "q"), (joint_figures.joint_speeds, "qd")]
+)
 def test_joints_are_drawn_in_degrees_measured_and_planned(run, draw, measured):
     figure = draw(run.trajectory)
     assert len(figure.axes) == 6
@@ -64,7 +80,9 @@ def test_joints_are_drawn_in_degrees_measured_and_planned(run, draw, measured):
 def test_bars_show_the_share_of_the_speed_limit(run):
     speeds = joint_figures.joint_limits(run.trajectory).axes[1]
     peak_deg_s = np.rad2deg(np.abs(run.trajectory.qd).max(axis=0))
-    np.testing.assert_allclose([bar.get_width() for bar in speeds.patches], 100 * peak_deg_s / 180.0)
+    np.testing.assert_allclose(
+        [bar.get_width() for bar in speeds.patches], 100 * peak_deg_s / 180.0
+    )
 
 
 def test_the_force_figure_shows_the_set_point_over_the_loop_and_the_truth(run):
@@ -107,11 +125,15 @@ def test_each_stage_has_a_bar_as_long_as_it_took():
 
 def test_the_cloud_is_drawn_in_millimetres(run):
     skin = cloud_view.figure(run.cloud_B, run.path_B, run.normals_B, run.trajectory).data[0]
-    np.testing.assert_allclose(np.stack([skin.x, skin.y, skin.z], axis=1), 1e3 * run.cloud_B, rtol=1e-5)
+    np.testing.assert_allclose(
+        np.stack([skin.x, skin.y, skin.z], axis=1), 1e3 * run.cloud_B, rtol=1e-5
+    )
 
 
 def test_drawings_follow_the_pages_colours_and_keep_their_text(run):
-    svg = theme.to_svg(contact_figures.contact_force(run.trajectory, SET_POINT), 'Force "over" <time>')
+    svg = theme.to_svg(
+        contact_figures.contact_force(run.trajectory, SET_POINT), 'Force "over" <time>'
+    )
     assert "pressing force [N]" in svg
     assert "var(--measured)" in svg
     assert not any(colour in svg for colour in theme.CSS_VARIABLES)

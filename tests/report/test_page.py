@@ -22,11 +22,17 @@ class Reader(HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.open, self.references, self.images, self.headings, self.text = [], [], [], [], []
+        self.open = []
+        self.references = []
+        self.images = []
+        self.headings = []
+        self.text = []
 
     def handle_starttag(self, tag, attrs):
         attributes = dict(attrs)
-        self.references += [attributes[name] for name in ("src", "href", "xlink:href") if name in attributes]
+        self.references += [
+            attributes[name] for name in ("src", "href", "xlink:href") if name in attributes
+        ]
         if tag == "img":
             self.images.append(attributes)
         if tag not in VOID_ELEMENTS:
@@ -83,7 +89,15 @@ def test_every_picture_has_a_description(page):
 
 def test_the_page_shows_metrics_settings_and_the_papers_figures(page):
     text = read(page).text
-    for shown in ("0.0812", "scan.feedrate.speed", "versions.mujoco", "0.79", "0.49", "0.89", "1.04"):
+    for shown in (
+        "0.0812",
+        "scan.feedrate.speed",
+        "versions.mujoco",
+        "0.79",
+        "0.49",
+        "0.89",
+        "1.04",
+    ):
         assert shown in text
 
 

@@ -1,4 +1,6 @@
-"""Table 4 as transcribed gives the figures that the paper claims, and a run is compared on the same footing."""
+"""Table 4 as transcribed gives the figures that the paper claims, and a run is compared on the
+same footing.
+"""
 
 import numpy as np
 import pytest
@@ -10,12 +12,25 @@ PRINTED_DIGIT = 0.005
 
 PRINTED_ABSOLUTE_ERRORS_MM = np.array(
     [
-        [1.5, 0.3, 0.3], [0.3, 0.2, 0.4], [0.3, 0.4, 0.3], [0.6, 0.5, 0.7], [0.7, 0.2, 0.6], [1.1, 0.1, 0.8],
-        [0.9, 0.3, 1.3], [0.6, 0.9, 1.8], [0.8, 0.7, 1.6], [0.9, 0.8, 0.2], [0.4, 0.5, 0.3], [1.3, 0.6, 1.7],
-        [1.6, 0.4, 0.8], [0.2, 1.3, 1.2], [0.7, 0.2, 1.3],
+        [1.5, 0.3, 0.3],
+        [0.3, 0.2, 0.4],
+        [0.3, 0.4, 0.3],
+        [0.6, 0.5, 0.7],
+        [0.7, 0.2, 0.6],
+        [1.1, 0.1, 0.8],
+        [0.9, 0.3, 1.3],
+        [0.6, 0.9, 1.8],
+        [0.8, 0.7, 1.6],
+        [0.9, 0.8, 0.2],
+        [0.4, 0.5, 0.3],
+        [1.3, 0.6, 1.7],
+        [1.6, 0.4, 0.8],
+        [0.2, 1.3, 1.2],
+        [0.7, 0.2, 1.3],
     ]
-)  # fmt: skip
-"""The error columns of Table 4 without their signs, which the paper mixes: a check on the transcribed coordinates."""
+)
+"""The error columns of Table 4 without their signs, which the paper mixes: a check on the
+transcribed coordinates."""
 
 
 def test_the_transcribed_points_differ_by_the_errors_that_the_paper_prints():

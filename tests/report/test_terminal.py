@@ -16,7 +16,12 @@ def printed(metrics):
 
 def test_the_summary_shows_group_quantity_value_and_unit():
     line = next(line for line in printed(METRICS).splitlines() if "Surface error, RMS" in line)
-    assert [cell.strip() for cell in line.strip("│").split("│")] == ["Perception", "Surface error, RMS", "0.0812", "mm"]
+    assert [cell.strip() for cell in line.strip("│").split("│")] == [
+        "Perception",
+        "Surface error, RMS",
+        "0.0812",
+        "mm",
+    ]
 
 
 def test_each_group_is_named_once():

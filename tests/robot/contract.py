@@ -1,15 +1,15 @@
 """What every `Robot` must do, be it simulated, recorded or real, as one suite.
 
-A robot joins by a subclass, in a test file of its own, whose fixture `robot` yields it switched on and at rest in free
-space:
+A robot joins by a subclass, in a test file of its own, whose fixture `robot` yields it switched on
+and at rest in free space:
 
     class TestSomeRobot(RobotContract):
         @pytest.fixture
         def robot(self): ...
 
-The fixture may be shared by the tests of a class: each drives to `Q_START` first. `PLAYS_BACK` marks a robot that can
-only repeat what it was told once, which is `stream` from `Q_START`; what does not apply to it is skipped by name.
-`CLOCK_SLACK` is for a robot whose clock runs by itself.
+The fixture may be shared by the tests of a class: each drives to `Q_START` first. `PLAYS_BACK`
+marks a robot that can only repeat what it was told once, which is `stream` from `Q_START`; what
+does not apply to it is skipped by name. `CLOCK_SLACK` is for a robot whose clock runs by itself.
 """
 
 import numpy as np
@@ -49,11 +49,13 @@ class RobotContract:
     Q_START = HOME_Q
     PLAYS_BACK = False
     CLOCK_SLACK = 1e-9
-    """Most by which the clock may run ahead of or behind one period a command, over a whole stream [s]."""
+    """Most by which the clock may run ahead of or behind one period a command, over a whole stream
+    [s]."""
     LAG_SLACK = 0.003
     """Most by which the arm's lag may differ from what the robot says [s]."""
     SLOWED = 0.02
-    """Joint speed to which the arm has come when `stop` or `move_joint` return [rad/s]: the last of it dies away."""
+    """Joint speed to which the arm has come when `stop` or `move_joint` return [rad/s]: the last of
+    it dies away."""
     STANDSTILL = 5e-3
     """Joint speed below which the arm rests [rad/s]."""
     ZERO_FORCE = 0.2
@@ -106,14 +108,22 @@ class RobotContract:
         """By the robot's own clock, which may go on while a busy computer misses a period."""
         targets, before = stream(self.Q_START, ready.period), ready.state().time
         states = send(ready, targets)
-        times, q = np.array([state.time for state in states]), np.array([state.q for state in states])
+        times, q = (
+            np.array([state.time for state in states]),
+            np.array([state.q for state in states]),
+        )
         sent, ahead = np.append(before, times[:-1]) + ready.period, np.sign(STREAM_SPEED)
         steady = slice(len(targets) // 2, None)
-        reached = [np.interp(s * at, s * aims, sent) for s, at, aims in zip(ahead, q[steady].T, targets.T, strict=True)]
+        reached = [
+            np.interp(s * at, s * aims, sent)
+            for s, at, aims in zip(ahead, q[steady].T, targets.T, strict=True)
+        ]
         lags = np.mean(times[steady] - reached, axis=1)
         np.testing.assert_allclose(lags, ready.servo_lag, atol=self.LAG_SLACK)
 
-    @pytest.mark.parametrize("offset", [np.nan, np.inf, 10.0, 0.5], ids=["nan", "inf", "beyond the limits", "jump"])
+    @pytest.mark.parametrize(
+        "offset", [np.nan, np.inf, 10.0, 0.5], ids=["nan", "inf", "beyond the limits", "jump"]
+    )
     def test_a_target_that_no_arm_can_follow_is_refused_and_moves_nothing(self, ready, offset):
         before = ready.state().q
         with pytest.raises(RobotError):
@@ -135,7 +145,9 @@ class RobotContract:
     def test_tare_takes_the_wrench_to_zero(self, ready):
         self.needs_an_arm("its zero is that of the run")
         ready.tare()
-        force_P = np.mean([state.wrench_P[:3] for state in send(ready, [self.Q_START] * 100)], axis=0)
+        force_P = np.mean(
+            [state.wrench_P[:3] for state in send(ready, [self.Q_START] * 100)], axis=0
+        )
         assert np.abs(force_P).max() < self.ZERO_FORCE
 
     def test_stop_out_of_a_motion_rests_where_it_came_to(self, ready):

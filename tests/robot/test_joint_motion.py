@@ -17,7 +17,9 @@ def test_trapezoid_ends_exactly_and_keeps_speed_and_acceleration(start, end, spe
     velocity = np.diff(path, axis=0) / PERIOD
     np.testing.assert_array_equal(path[-1], end)
     assert np.abs(velocity).max(initial=0) <= speed * (1 + 1e-6)
-    assert np.abs(np.diff(velocity, axis=0) / PERIOD).max(initial=0) <= 2 * acceleration * (1 + 1e-6)
+    assert np.abs(np.diff(velocity, axis=0) / PERIOD).max(initial=0) <= 2 * acceleration * (
+        1 + 1e-6
+    )
 
 
 def test_trapezoid_moves_all_joints_on_a_straight_line():

@@ -51,7 +51,11 @@ def test_twelve_poses_of_an_averaged_industrial_sensor_give_grams_and_millimetre
 
 @pytest.mark.parametrize(
     ("R_BF", "why"),
-    [(tilted(3, 40), "3 poses"), (tilted(8, 2), "tilt the flange too little"), (np.tile(np.eye(3), (8, 1, 1)), "tilt")],
+    [
+        (tilted(3, 40), "3 poses"),
+        (tilted(8, 2), "tilt the flange too little"),
+        (np.tile(np.eye(3), (8, 1, 1)), "tilt"),
+    ],
 )
 def test_poses_that_do_not_tell_the_payload_are_refused(R_BF, why):
     with pytest.raises(CalibrationError, match=why):
@@ -59,7 +63,11 @@ def test_poses_that_do_not_tell_the_payload_are_refused(R_BF, why):
 
 
 def test_a_wide_swing_about_one_axis_is_enough():
-    R_BF = Rotation.from_euler("x", np.linspace(120, 240, 8)[:, None], degrees=True).as_matrix().reshape(8, 3, 3)
+    R_BF = (
+        Rotation.from_euler("x", np.linspace(120, 240, 8)[:, None], degrees=True)
+        .as_matrix()
+        .reshape(8, 3, 3)
+    )
     found = identify(readings(R_BF), R_BF, AT_F)
     assert found.payload.mass == pytest.approx(TRUE.mass, abs=1e-9)
     np.testing.assert_allclose(found.payload.centre_F, TRUE.centre_F, atol=1e-9)

@@ -36,7 +36,13 @@ def recorded(robot, targets):
         Sample(state.time, "travel", np.nan, state.q, state.qd, target, state.wrench_P, False)
         for state, target in zip(states, sent, strict=True)
     ]
-    nowhere = Motion(q=np.zeros((2, 6)), qd=np.zeros((2, 6)), s=np.zeros(2), q_approach=np.zeros(6), clearance=0.01)
+    nowhere = Motion(
+        q=np.zeros((2, 6)),
+        qd=np.zeros((2, 6)),
+        s=np.zeros(2),
+        q_approach=np.zeros(6),
+        clearance=0.01,
+    )
     return execution.trajectory(log, nowhere, robot)
 
 
@@ -120,12 +126,18 @@ def test_the_same_controller_runs_through_its_own_recording_to_a_micro_radian(sc
 
 
 def test_the_lag_is_fitted_to_a_tenth_of_a_millisecond(scene, scanned):
-    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(SimRobot(scene).servo_lag, abs=1e-4)
+    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(
+        SimRobot(scene).servo_lag, abs=1e-4
+    )
 
 
 def test_a_controller_with_another_set_point_parts_from_the_recording(scanned):
     motion, folder = scanned
     with pytest.raises(RobotError, match="the runs part at command"):
         execution.execute(
-            RecordedRobot.load(folder), motion, dataclasses.replace(FORCE, force=4.0), SafetyLimits(), log=[]
+            RecordedRobot.load(folder),
+            motion,
+            dataclasses.replace(FORCE, force=4.0),
+            SafetyLimits(),
+            log=[],
         )

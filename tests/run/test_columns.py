@@ -41,7 +41,9 @@ def test_phases_follow_each_other_without_a_gap(run):
 
 
 def test_a_pressing_probe_has_a_positive_force(run):
-    assert np.median(run.trajectory.pressing_force[run.trajectory.in_loop]) == pytest.approx(5.0, abs=0.1)
+    assert np.median(run.trajectory.pressing_force[run.trajectory.in_loop]) == pytest.approx(
+        5.0, abs=0.1
+    )
 
 
 def test_time_counts_from_the_beginning_of_the_log(tmp_path):
@@ -80,10 +82,14 @@ def test_a_column_of_the_wrong_width_is_refused(tmp_path):
 
 @pytest.mark.parametrize("with_truth", [True, False])
 def test_a_log_is_read_back_as_it_was_saved(tmp_path, with_truth):
-    trajectory_table(np.random.default_rng(0), with_truth=with_truth).write_parquet(tmp_path / "first.parquet")
+    trajectory_table(np.random.default_rng(0), with_truth=with_truth).write_parquet(
+        tmp_path / "first.parquet"
+    )
     first = Trajectory.load(tmp_path / "first.parquet")
     first.save(tmp_path / "second.parquet")
-    first_table, second_table = (polars.read_parquet(tmp_path / f"{name}.parquet") for name in ("first", "second"))
+    first_table, second_table = (
+        polars.read_parquet(tmp_path / f"{name}.parquet") for name in ("first", "second")
+    )
     assert first_table.columns == second_table.columns
     for name, values in vars(Trajectory.load(tmp_path / "second.parquet")).items():
         np.testing.assert_array_equal(values, getattr(first, name))

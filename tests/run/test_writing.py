@@ -49,7 +49,9 @@ def test_a_read_only_output_folder_is_refused(tmp_path):
 
 
 def test_json_is_strict_and_takes_arrays(tmp_path):
-    writing.write_json(tmp_path / "m.json", {"a": np.arange(3.0), "b": np.float32(1.5), "c": tmp_path})
+    writing.write_json(
+        tmp_path / "m.json", {"a": np.arange(3.0), "b": np.float32(1.5), "c": tmp_path}
+    )
     assert json.loads((tmp_path / "m.json").read_text())["a"] == [0.0, 1.0, 2.0]
     with pytest.raises(ValueError, match="JSON"):
         writing.write_json(tmp_path / "m.json", {"a": float("nan")})
@@ -83,13 +85,17 @@ def test_the_disparity_picture_is_black_exactly_where_nothing_is_known(tmp_path)
     assert not writing.disparity_picture(np.full((4, 4), np.nan, np.float32)).any()
 
 
-def test_what_a_scan_measured_before_it_was_cut_off_lies_beside_the_earlier_results_until_the_next_good_scan(tmp_path):
+def test_what_a_cut_off_scan_measured_lies_beside_earlier_results_until_the_next_good_one(
+    tmp_path,
+):
     with writing.staged(tmp_path) as folder:
         (folder / "metrics.json").write_text("first")
     trajectory_table(np.random.default_rng(0)).write_parquet(tmp_path / "log.parquet")
     whole = Trajectory.load(tmp_path / "log.parquet")
     trajectory = replace(whole, s=np.where(whole.s > 0.012, np.nan, whole.s))
-    folder = writing.write_aborted(tmp_path, trajectory, SafetyError("contact force 10.2 N is above the limit", 10.2))
+    folder = writing.write_aborted(
+        tmp_path, trajectory, SafetyError("contact force 10.2 N is above the limit", 10.2)
+    )
     told = json.loads((folder / "abort.json").read_text())
     assert (tmp_path / "metrics.json").read_text() == "first"
     for name, values in vars(Trajectory.load(folder / "trajectory.parquet")).items():

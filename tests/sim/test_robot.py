@@ -44,10 +44,14 @@ def test_rests_at_home_with_no_wrench(quiet_scene):
     np.testing.assert_allclose(state.wrench_P, 0, atol=1e-6)
 
 
-def test_follows_a_25_mm_per_s_circle_within_a_tenth_of_a_millimetre_one_servo_lag_late(quiet_scene):
+def test_follows_a_25_mm_per_s_circle_within_a_tenth_of_a_millimetre_one_servo_lag_late(
+    quiet_scene,
+):
     robot = SimRobot(quiet_scene)
     X_BP = kinematics.forward(HOME_Q) @ quiet_scene.X_FP
-    radius, speed, q = 0.06, 0.025, HOME_Q
+    radius = 0.06
+    speed = 0.025
+    q = HOME_Q
     planned_B = []
     for k in range(int(3.0 / PERIOD)):
         time = k * PERIOD
@@ -86,7 +90,9 @@ def test_a_pressing_probe_feels_the_tissue_as_a_negative_force_along_its_axis(qu
 
 
 def test_a_lasting_load_does_not_shift_the_arm(quiet_scene):
-    """The drive's integral: 4 N at the tip would bend the proportional part alone by a tenth of a millimetre."""
+    """The drive's integral: 4 N at the tip would bend the proportional part alone by a tenth of
+    a millimetre.
+    """
     tip_S = quiet_scene.X_BS[:3, 3] - (kinematics.forward(HOME_Q) @ quiet_scene.X_FP)[:3, 3]
     robot = SimRobot(quiet_scene, SpringTissue(height=-tip_S[2] + 0.005, stiffness=STIFFNESS))
     for _ in range(500):
@@ -107,14 +113,22 @@ def test_an_arm_that_deviates_reports_by_its_calibration_while_the_truth_goes_by
 
 @pytest.mark.parametrize("quality", ["ideal", "industrial"])
 def test_an_arm_that_shakes_its_tool_in_the_air_feels_little_of_it(quality):
-    """2 m/s^2 on .39 kg would read .8 N as contact; what is left stays within the sensor's own noise."""
+    """2 m/s^2 on .39 kg would read .8 N as contact; what is left stays within the sensor's own
+    noise.
+    """
     robot = SimRobot(Scene(SceneConfig(wrist=WrenchSensorConfig(quality=quality))))
     robot.tare()
-    times, read, truth = PERIOD * np.arange(600), [], []
+    times = PERIOD * np.arange(600)
+    read = []
+    truth = []
     for t in times:
-        robot.servo_joint(HOME_Q + 0.009 * np.sin(2 * np.pi * 3.0 * t) * np.array([1, 1, 1, 0, 0, 0]))
+        robot.servo_joint(
+            HOME_Q + 0.009 * np.sin(2 * np.pi * 3.0 * t) * np.array([1, 1, 1, 0, 0, 0])
+        )
         read.append(robot.state().wrench_P[:3])
-        truth.append(se3.transform(robot.calibration.forward(robot.state().q) @ robot.X_FP, np.zeros(3)))
+        truth.append(
+            se3.transform(robot.calibration.forward(robot.state().q) @ robot.X_FP, np.zeros(3))
+        )
     shaken = np.diff(truth, 2, axis=0) / PERIOD**2
     assert np.linalg.norm(shaken[200:], axis=1).max() > 1.5
     left = np.linalg.norm(np.array(read)[200:], axis=1)
@@ -122,12 +136,16 @@ def test_an_arm_that_shakes_its_tool_in_the_air_feels_little_of_it(quality):
 
 
 def test_the_payload_is_identified_by_the_poses_of_the_arm_to_grams_and_millimetres():
-    """As on the robot: six poses at rest, .12 s each, with a sensor that was told nothing of the tool."""
+    """As on the robot: six poses at rest, .12 s each, with a sensor that was told nothing of the
+    tool.
+    """
     scene = Scene(SceneConfig(wrist=WrenchSensorConfig(gain_error=0.0, cross_talk=0.0)))
     robot, true = SimRobot(scene), payload(scene.config.mount_angle)
     robot.set_payload(Payload(mass=0.0, centre_F=np.zeros(3)))
     readings_F, R_BF = [], []
-    for turn in np.radians([[0, 0, 0], [-50, 0, 0], [50, 0, 0], [0, 50, 0], [0, -50, 0], [40, 40, 60]]):
+    for turn in np.radians(
+        [[0, 0, 0], [-50, 0, 0], [50, 0, 0], [0, 50, 0], [0, -50, 0], [40, 40, 60]]
+    ):
         robot.move_joint(HOME_Q + np.array([0, 0, 0, *turn]), 3.0, 10.0)
         block = []
         for _ in range(60):
@@ -171,7 +189,9 @@ def test_every_sample_of_the_wrist_sensor_is_counted(quiet_scene):
 
 
 def test_a_motion_of_its_own_brakes_what_the_servo_left_moving(quiet_scene):
-    """From .5 rad/s the controller brakes at 4 rad/s^2 before it turns back: no joint is asked to jump."""
+    """From .5 rad/s the controller brakes at 4 rad/s^2 before it turns back: no joint is asked
+    to jump.
+    """
     robot = SimRobot(quiet_scene)
     for k in range(100):
         robot.servo_joint(HOME_Q + 0.5 * k * PERIOD)
@@ -196,10 +216,13 @@ def test_stop_brakes_gently_and_stays(quiet_scene):
 
 
 def test_two_runs_agree_to_the_last_bit():
-    """The whole twin: an arm of its own, servoj, drives, the soft phantom and a sensor with every error."""
+    """The whole twin: an arm of its own, servoj, drives, the soft phantom and a sensor with
+    every error.
+    """
     scene = Scene(
         SceneConfig(
-            arm=ArmConfig(kinematics="calibrated", seed=3), wrist=WrenchSensorConfig(quality="ur5e_builtin", seed=3)
+            arm=ArmConfig(kinematics="calibrated", seed=3),
+            wrist=WrenchSensorConfig(quality="ur5e_builtin", seed=3),
         )
     )
     above = loop_pose(scene.phantom, 0.4, -0.003)
@@ -209,7 +232,9 @@ def test_two_runs_agree_to_the_last_bit():
         robot = SimRobot(scene, SoftTissue.build(scene.phantom), q_above)
         robot.tare()
         for depth in np.linspace(0.0, 0.008, 100):
-            X_BF = scene.X_BS @ loop_pose(scene.phantom, 0.4, depth - 0.003) @ se3.inverse(scene.X_FP)
+            X_BF = (
+                scene.X_BS @ loop_pose(scene.phantom, 0.4, depth - 0.003) @ se3.inverse(scene.X_FP)
+            )
             robot.servo_joint(nearest(kinematics.inverse(X_BF), q_above))
         robot.move_joint(q_above, 0.5, 1.0)
         runs.append((robot.state(), robot.truth_log()))
@@ -221,7 +246,9 @@ def test_two_runs_agree_to_the_last_bit():
         np.testing.assert_array_equal(value, getattr(other_state, name))
 
 
-@pytest.mark.parametrize(("offset", "why"), [(np.nan, "finite"), (np.inf, "finite"), (10.0, "within"), (0.5, "jumps")])
+@pytest.mark.parametrize(
+    ("offset", "why"), [(np.nan, "finite"), (np.inf, "finite"), (10.0, "within"), (0.5, "jumps")]
+)
 def test_targets_that_no_arm_can_follow_are_refused(quiet_scene, offset, why):
     robot = SimRobot(quiet_scene)
     with pytest.raises(RobotError, match=why):
@@ -229,14 +256,20 @@ def test_targets_that_no_arm_can_follow_are_refused(quiet_scene, offset, why):
     robot.servo_joint(HOME_Q)
 
 
-@pytest.mark.parametrize(("speed", "acceleration"), [(0.0, 1.0), (-1.0, 1.0), (2 * SPEED_LIMIT, 1.0), (1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("speed", "acceleration"), [(0.0, 1.0), (-1.0, 1.0), (2 * SPEED_LIMIT, 1.0), (1.0, 0.0)]
+)
 def test_motions_that_no_arm_can_make_are_refused(quiet_scene, speed, acceleration):
     with pytest.raises(RobotError, match="move_joint"):
         SimRobot(quiet_scene).move_joint(HOME_Q, float(speed), acceleration)
 
 
-def test_a_contact_force_that_is_no_number_ends_the_simulation_with_time_cause_and_state(quiet_scene):
-    with pytest.raises(RobotError, match=r"diverged at 0\.000 s: the tissue's contact force is not a number") as caught:
+def test_a_contact_force_that_is_no_number_ends_the_simulation_with_time_cause_and_state(
+    quiet_scene,
+):
+    with pytest.raises(
+        RobotError, match=r"diverged at 0\.000 s: the tissue's contact force is not a number"
+    ) as caught:
         SimRobot(quiet_scene, UndefinedTissue())
     with np.load(caught.value.value) as state:
         np.testing.assert_array_equal(state["q"], HOME_Q)

@@ -48,7 +48,9 @@ def test_cameras_stand_where_the_rig_says(quiet_scene, pictures):
     for side, X_BC in (("left", rig.X_BL), ("right", rig.X_BL @ se3.inverse(rig.X_RL))):
         camera = data.camera(side)
         np.testing.assert_allclose(camera.xpos, X_BC[:3, 3], atol=1e-9)
-        np.testing.assert_allclose(camera.xmat.reshape(3, 3) @ np.diag([1, -1, -1]), X_BC[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(
+            camera.xmat.reshape(3, 3) @ np.diag([1, -1, -1]), X_BC[:3, :3], atol=1e-9
+        )
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -77,7 +79,9 @@ def test_the_compiled_tool_has_the_tip_and_payload_that_the_user_enters(quiet_sc
     model = Scene(SceneConfig(mount_angle=angle)).physics
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    flange, tool, tip = data.body("flange"), data.body("tool"), data.site("tip")
+    flange = data.body("flange")
+    tool = data.body("tool")
+    tip = data.site("tip")
     X_BF = se3.pose(flange.xmat.reshape(3, 3), flange.xpos)
     X_BP = se3.pose(tip.xmat.reshape(3, 3), tip.xpos)
     np.testing.assert_allclose(se3.inverse(X_BF) @ X_BP, tip_pose(angle), atol=1e-9)

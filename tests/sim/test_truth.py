@@ -39,7 +39,8 @@ def spots(phantom) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("offset", [-0.008, -0.001, 0.0, 0.001, 0.03])
 def test_distance_of_a_point_raised_off_the_skin_is_how_far_it_was_raised(truth, spots, offset):
-    clear_of_the_nipple = spots[0][:, 2] < 0.045  # around it the skin is hollow, and another point may be closer
+    # around it the skin is hollow, and another point may be closer
+    clear_of_the_nipple = spots[0][:, 2] < 0.045
     points_S, normals_S = spots[0][clear_of_the_nipple], spots[1][clear_of_the_nipple]
     np.testing.assert_allclose(truth.distance(points_S + offset * normals_S), offset, atol=1e-8)
 
@@ -98,7 +99,9 @@ def test_depth_and_normal_of_the_skin_at_rest_are_those_of_the_smooth_surface(tr
     assert np.degrees(np.quantile(tilt, 0.95)) < 0.5
 
 
-def test_seen_points_of_pressed_skin_lie_on_its_facets_before_all_others(truth, phantom, tissue, X_SC, rays_C):
+def test_seen_points_of_pressed_skin_lie_on_its_facets_before_all_others(
+    truth, phantom, tissue, X_SC, rays_C
+):
     tissue.press(loop_pose(phantom, 1.0, 0.006), REST)
     depth, normals_S = truth.seen(X_SC, rays_C)
     mesh = trimesh.Trimesh(tissue.deformed_skin(), phantom.skin.triangles, process=False)
@@ -129,7 +132,9 @@ def test_a_depth_map_has_each_pixels_ray_through_the_lens(truth, phantom, quiet_
 def test_visible_points_are_those_that_face_a_viewpoint_low_beside_the_dome(truth, spots):
     points_S, normals_S = spots
     centre_S = np.array([0.3, 0.0, 0.03])
-    facing = np.einsum("nc,nc->n", normals_S, centre_S - points_S) / np.linalg.norm(centre_S - points_S, axis=1)
+    facing = np.einsum("nc,nc->n", normals_S, centre_S - points_S) / np.linalg.norm(
+        centre_S - points_S, axis=1
+    )
     seen = truth.visible(points_S, centre_S)
     clear_of_the_nipple = points_S[:, 2] < 0.045
     assert seen[(facing > 0.2) & clear_of_the_nipple].all()

@@ -1,4 +1,6 @@
-"""Shots of a calibration board whose poses are known: corners by projection, and small pictures of it."""
+"""Shots of a calibration board whose poses are known: corners by projection, and small pictures
+of it.
+"""
 
 import cv2
 import numpy as np
@@ -14,7 +16,9 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 def make_rig(distorted=True):
-    """A pair about 100 mm apart, turned towards each other, looking down from 650 mm above B's (500, 0, 0) mm."""
+    """A pair about 100 mm apart, turned towards each other, looking down from 650 mm above B's
+    (500, 0, 0) mm.
+    """
     side = np.array([1.0, -1.0]) if distorted else np.zeros(2)
     cameras = [
         Intrinsics(
@@ -36,7 +40,9 @@ def turn(axis_angle):
 
 def project(camera, X_CBoard, board=BOARD):
     rotation, _ = cv2.Rodrigues(X_CBoard[:3, :3])
-    return cv2.projectPoints(board.points, rotation, X_CBoard[:3, 3], camera.K, camera.distortion)[0][:, 0]
+    return cv2.projectPoints(board.points, rotation, X_CBoard[:3, 3], camera.K, camera.distortion)[
+        0
+    ][:, 0]
 
 
 def poses_in_view(rig, count, rng, tilt_deg=(20, 45), width_share=1.0):

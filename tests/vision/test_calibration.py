@@ -94,7 +94,9 @@ def test_a_poor_set_is_refused_with_the_reason(poor, reason):
 
 def test_boards_that_tilt_about_one_axis_alone_have_no_spread():
     turns = np.linspace(-0.7, 0.7, 9)[:, None] * np.array([1.0, 0, 0])
-    assert tilt_spread(se3.from_rotation_vector(turns, np.zeros((9, 3)))) == pytest.approx(0, abs=1e-6)
+    assert tilt_spread(se3.from_rotation_vector(turns, np.zeros((9, 3)))) == pytest.approx(
+        0, abs=1e-6
+    )
 
 
 def test_the_fitted_pose_agrees_with_scipys():

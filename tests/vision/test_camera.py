@@ -23,7 +23,9 @@ def toed_in_rig() -> StereoRig:
         height=240,
     )
     right = dataclasses.replace(left, K=np.array([[343.0, 0, 160.2], [0, 343.5, 121.0], [0, 0, 1]]))
-    return StereoRig(left=left, right=right, X_RL=se3.pose(R_RL, np.array([-0.0989, 0.0041, -0.0003])))
+    return StereoRig(
+        left=left, right=right, X_RL=se3.pose(R_RL, np.array([-0.0989, 0.0041, -0.0003]))
+    )
 
 
 def points_in_view() -> np.ndarray:
@@ -56,7 +58,9 @@ def project(P: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def test_rectified_dots_lie_where_the_projection_matrices_say():
-    """Distorted, toed-in images of one dot at a time land within .05 px, on the same row of both views."""
+    """Distorted, toed-in images of one dot at a time land within .05 px, on the same row of both
+    views.
+    """
     rig = toed_in_rig()
     for point in points_in_view()[:8]:
         images = [
@@ -77,14 +81,18 @@ def test_disparity_of_the_rectified_views_gives_depth():
     pair = rig.rectify(image, image)
     p_V = points_in_view() @ pair.R_LV
     left_px, right_px = (project(P, p_V) for P in projections(pair))
-    np.testing.assert_allclose(pair.focal_px * pair.baseline / (left_px - right_px)[:, 0], p_V[:, 2])
+    np.testing.assert_allclose(
+        pair.focal_px * pair.baseline / (left_px - right_px)[:, 0], p_V[:, 2]
+    )
     points = cv2.triangulatePoints(*projections(pair), left_px.T, right_px.T)
     np.testing.assert_allclose((points[:3] / points[3]).T, p_V, atol=1e-9)
     assert abs(pair.baseline - np.linalg.norm(rig.X_RL[:3, 3])) < 1e-12
 
 
 def test_saved_rig_loads_unchanged(tmp_path):
-    rig = dataclasses.replace(toed_in_rig(), X_BL=se3.pose(np.diag([1.0, -1.0, -1.0]), np.array([0.4, 0.0, 0.6])))
+    rig = dataclasses.replace(
+        toed_in_rig(), X_BL=se3.pose(np.diag([1.0, -1.0, -1.0]), np.array([0.4, 0.0, 0.6]))
+    )
     rig.save(tmp_path / "rig.yaml")
     loaded = StereoRig.load(tmp_path / "rig.yaml")
     for before, after in ((rig.left, loaded.left), (rig.right, loaded.right)):
@@ -109,9 +117,18 @@ def test_images_of_another_size_are_refused():
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
-        (lambda text: text.replace("camera_matrix_left", "camera_matrix_top"), "camera_matrix_left"),
-        (lambda text: text.replace("image_width_right: 320", "image_width_right: -1"), "image_width_right"),
-        (lambda text: text.replace("341.", ".Nan"), "camera_matrix_left holds a number that is not finite"),
+        (
+            lambda text: text.replace("camera_matrix_left", "camera_matrix_top"),
+            "camera_matrix_left",
+        ),
+        (
+            lambda text: text.replace("image_width_right: 320", "image_width_right: -1"),
+            "image_width_right",
+        ),
+        (
+            lambda text: text.replace("341.", ".Nan"),
+            "camera_matrix_left holds a number that is not finite",
+        ),
         (lambda text: text[: len(text) // 2], "is missing|cannot parse|cannot open"),
         (lambda text: "not a rig at all", "not a rig file"),
     ],

@@ -24,7 +24,9 @@ def X_BF(rig):
 
 
 def shots_at(rig, X_BF, noise_px):
-    return shots_of(rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBOARD, np.random.default_rng(1), noise_px)
+    return shots_of(
+        rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBOARD, np.random.default_rng(1), noise_px
+    )
 
 
 def stated(X_BF):
@@ -36,7 +38,9 @@ def stated(X_BF):
 
 def error(X_AB, truth):
     between = se3.inverse(truth) @ X_AB
-    return np.linalg.norm(between[:3, 3]) * 1e3, np.degrees(np.linalg.norm(se3.rotation_vector(between)))
+    return np.linalg.norm(between[:3, 3]) * 1e3, np.degrees(
+        np.linalg.norm(se3.rotation_vector(between))
+    )
 
 
 def without_place(rig):
@@ -51,7 +55,9 @@ def test_closed_forms_are_exact_without_noise(rig, X_BF, name):
     assert angle_deg < 0.005
 
 
-def test_the_cameras_are_placed_within_a_fifth_of_a_millimetre_by_an_arm_that_is_not_exact(rig, X_BF):
+def test_the_cameras_are_placed_within_a_fifth_of_a_millimetre_by_an_arm_that_is_not_exact(
+    rig, X_BF
+):
     result = hand_eye(shots_at(rig, X_BF, 0.02), stated(X_BF), without_place(rig), BOARD)
     distance_mm, angle_deg = error(result.rig.X_BL, rig.X_BL)
     assert distance_mm < 0.2
@@ -62,7 +68,11 @@ def test_the_cameras_are_placed_within_a_fifth_of_a_millimetre_by_an_arm_that_is
 
 def test_a_yaw_error_of_the_rig_is_mended(rig, X_BF):
     """.02 degrees of yaw cost about .8 mm of depth."""
-    wrong = replace(rig, X_BL=None, X_RL=rig.X_RL @ se3.from_rotation_vector(np.radians([0, 0.02, 0]), np.zeros(3)))
+    wrong = replace(
+        rig,
+        X_BL=None,
+        X_RL=rig.X_RL @ se3.from_rotation_vector(np.radians([0, 0.02, 0]), np.zeros(3)),
+    )
     result = hand_eye(shots_at(rig, X_BF, 0.02), stated(X_BF), wrong, BOARD)
     assert error(result.rig.X_RL, rig.X_RL)[1] < 0.005
 
@@ -72,9 +82,13 @@ def test_the_ends_of_a_plain_board_are_told_apart_by_the_arm(rig, X_BF):
     turned = np.random.default_rng(3).uniform(size=len(shots)) < 0.5
     mixed = [shot.half_turned() if half else shot for shot, half in zip(shots, turned, strict=True)]
     sorted_out = same_end(mixed, stated(X_BF), rig, BOARD)
-    same = np.array([np.array_equal(out.left, shot.left) for out, shot in zip(sorted_out, shots, strict=True)])
+    same = np.array(
+        [np.array_equal(out.left, shot.left) for out, shot in zip(sorted_out, shots, strict=True)]
+    )
     assert same.all() or not same.any()
-    distance_mm, _ = error(hand_eye(mixed, stated(X_BF), without_place(rig), BOARD).rig.X_BL, rig.X_BL)
+    distance_mm, _ = error(
+        hand_eye(mixed, stated(X_BF), without_place(rig), BOARD).rig.X_BL, rig.X_BL
+    )
     assert distance_mm < 0.2
 
 

@@ -40,13 +40,17 @@ def from_axis() -> np.ndarray:
     return np.linalg.norm(SCENE.points[..., :2] - SCENE.sphere_centre[:2], axis=-1)
 
 
-def textured_pair(disparity: np.ndarray, seed: int, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+def textured_pair(
+    disparity: np.ndarray, seed: int, noise: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
     """A right image of blurred noise and the left one that has exactly this disparity."""
     rng = np.random.default_rng(seed)
     height, width = disparity.shape
     scene = 128 + gaussian_filter(rng.normal(0, 90, disparity.shape), 1.5) * 1.5
     rows, columns = np.mgrid[:height, :width]
-    left = map_coordinates(spline_filter(scene), [rows, columns - disparity], prefilter=False, mode="nearest")
+    left = map_coordinates(
+        spline_filter(scene), [rows, columns - disparity], prefilter=False, mode="nearest"
+    )
     return tuple(
         np.clip(np.rint(image + noise * rng.standard_normal(image.shape)), 0, 255).astype(np.uint8)
         for image in (left, scene)
@@ -71,14 +75,18 @@ def inner(disparity: np.ndarray) -> np.ndarray:
 
 
 def test_depth_on_the_dome_is_within_eight_hundredths_of_a_millimetre():
-    """Grey-level noise of 1 at 540 mm, where a whole disparity pixel is 4.3 mm; up to 10 mm from the steep rim."""
+    """Grey-level noise of 1 at 540 mm, where a whole disparity pixel is 4.3 mm; up to 10 mm from
+    the steep rim.
+    """
     dome = matched_dome()[1] & (from_axis() < 0.065)
     assert depth_rmse_mm(refined_dome().disparity, dome) < 0.08
     assert depth_rmse_mm(matched_dome()[0], dome & np.isfinite(matched_dome()[0])) > 0.2
 
 
 def test_rim_stays_covered_and_close_to_the_surface():
-    """A slope of 72 degrees turns image error into depth error; distance to the surface is what counts there."""
+    """A slope of 72 degrees turns image error into depth error; distance to the surface is what
+    counts there.
+    """
     refined = refined_dome()
     skin = SCENE.on_dome & SCENE.seen_twice
     mask = matched_dome()[1]
@@ -124,7 +132,9 @@ def test_gain_and_bias_between_the_cameras_do_not_matter():
 
 
 def test_depth_discontinuity_inside_the_mask_is_left_alone():
-    """A step of 8 px, 34 mm at 540 mm: no pixel beside it moves, and pixels off it are refined as ever."""
+    """A step of 8 px, 34 mm at 540 mm: no pixel beside it moves, and pixels off it are refined
+    as ever.
+    """
     truth = tilted_plane()
     truth[:, 120:] += 8
     left, right = textured_pair(truth, seed=9)
@@ -167,7 +177,9 @@ def test_mask_at_the_image_border_is_refined_up_to_it():
     assert np.sqrt(np.mean((refined.disparity - truth)[refined.applied] ** 2)) < 0.03
 
 
-@pytest.mark.parametrize("mask", [np.zeros((40, 60), bool), np.ones((40, 60), bool)], ids=["empty", "all unknown"])
+@pytest.mark.parametrize(
+    "mask", [np.zeros((40, 60), bool), np.ones((40, 60), bool)], ids=["empty", "all unknown"]
+)
 def test_object_without_known_disparity_is_refused(mask):
     image = np.zeros((40, 60), np.uint8)
     with pytest.raises(PerceptionError, match="found none among the mask"):

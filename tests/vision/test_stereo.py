@@ -19,17 +19,24 @@ SMALL = StereoConfig(min_disparity=3, num_disparities=32, speckle_px=0, median_p
 
 
 def pair_with_steps(height: int, width: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A textured pair whose disparity is 10 px on the left half and 17 px on the right, plus noise."""
+    """A textured pair whose disparity is 10 px on the left half and 17 px on the right, plus
+    noise.
+    """
     rng = np.random.default_rng(seed)
     left = gaussian_filter(rng.normal(0, 120, (height, width)), 1.0) + 128
     disparity = np.where(np.arange(width) < width // 2, 10, 17)
     right = left[:, np.minimum(np.arange(width) + disparity, width - 1)]
-    noisy = [np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8) for image in (left, right)]
+    noisy = [
+        np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
+        for image in (left, right)
+    ]
     return noisy[0], noisy[1]
 
 
 def census_strings(image: np.ndarray) -> np.ndarray:
-    """[Zhang, Eq. 2], as (h, w, 62) truth values: False where the neighbour is brighter than the centre."""
+    """[Zhang, Eq. 2], as (h, w, 62) truth values: False where the neighbour is brighter than the
+    centre.
+    """
     height, width = image.shape
     bordered = np.pad(image, ((HALF_HEIGHT, HALF_HEIGHT), (HALF_WIDTH, HALF_WIDTH)), mode="edge")
     neighbours = [
@@ -42,13 +49,16 @@ def census_strings(image: np.ndarray) -> np.ndarray:
 
 
 def matching_costs(left: np.ndarray, right: np.ndarray, config: StereoConfig) -> np.ndarray:
-    """[Zhang, Eq. 3] for the left columns from `min_disparity` on; the right image goes on as its border."""
+    """[Zhang, Eq. 3] for the left columns from `min_disparity` on; the right image goes on as
+    its border.
+    """
     reach = config.num_disparities - 1
     left_strings = census_strings(left)[:, config.min_disparity :]
     right_strings = census_strings(np.pad(right, ((0, 0), (reach, 0)), mode="edge"))
     width = left_strings.shape[1]
     costs = [
-        (left_strings != right_strings[:, reach - d : reach - d + width]).sum(-1) for d in range(config.num_disparities)
+        (left_strings != right_strings[:, reach - d : reach - d + width]).sum(-1)
+        for d in range(config.num_disparities)
     ]
     return np.stack(costs, -1)
 
@@ -89,13 +99,17 @@ def reference_disparity(left: np.ndarray, right: np.ndarray, config: StereoConfi
                 if 0 <= k < count and 0 <= x - d + k < width
             ]
             if right_best[x - d] in near:
-                result[y, x + config.min_disparity] = config.min_disparity + d + sub_pixel(total[y, x], d, config)
+                result[y, x + config.min_disparity] = (
+                    config.min_disparity + d + sub_pixel(total[y, x], d, config)
+                )
     return result
 
 
 def sub_pixel(total: np.ndarray, d: int, config: StereoConfig) -> float:
     below, least, above = (int(value) for value in total[d - 1 : d + 2])
-    span = max(below, above) - least if config.subpixel == "equiangular" else below + above - 2 * least
+    span = (
+        max(below, above) - least if config.subpixel == "equiangular" else below + above - 2 * least
+    )
     return (below - above) / (2 * span) if span else 0.0
 
 
@@ -105,15 +119,26 @@ def sub_pixel(total: np.ndarray, d: int, config: StereoConfig) -> float:
 def test_disparities_equal_the_equations_written_out(paths, subpixel, height, width):
     config = dataclasses.replace(SMALL, paths=paths, subpixel=subpixel)
     left, right = pair_with_steps(height, width, seed=height)
-    np.testing.assert_array_equal(disparity_map(left, right, config), reference_disparity(left, right, config))
+    np.testing.assert_array_equal(
+        disparity_map(left, right, config), reference_disparity(left, right, config)
+    )
 
 
 def test_disparities_equal_the_equations_over_more_than_one_vector_and_stiffest_penalties():
     config = StereoConfig(
-        min_disparity=0, num_disparities=96, P1=63, P2=63, consistency_px=0, speckle_px=0, median_px=1, mean_px=1
+        min_disparity=0,
+        num_disparities=96,
+        P1=63,
+        P2=63,
+        consistency_px=0,
+        speckle_px=0,
+        median_px=1,
+        mean_px=1,
     )
     left, right = pair_with_steps(15, 140, seed=4)
-    np.testing.assert_array_equal(disparity_map(left, right, config), reference_disparity(left, right, config))
+    np.testing.assert_array_equal(
+        disparity_map(left, right, config), reference_disparity(left, right, config)
+    )
 
 
 def test_census_bit_is_zero_only_where_the_neighbour_is_brighter():
@@ -149,7 +174,9 @@ def test_skin_that_both_cameras_see_is_matched_to_a_tenth_of_a_pixel(paths):
 
 
 def test_equiangular_fit_is_not_drawn_to_whole_pixels_as_a_parabola_is():
-    """Mean error against the fraction of the true disparity: the spread of its means over ten bins."""
+    """Mean error against the fraction of the true disparity: the spread of its means over ten
+    bins.
+    """
     scene = DomeScene()
     pair = scene.pair()
     fraction = np.floor(10 * (scene.disparity % 1)).astype(int)
@@ -158,7 +185,9 @@ def test_equiangular_fit_is_not_drawn_to_whole_pixels_as_a_parabola_is():
         config = StereoConfig(subpixel=subpixel, median_px=1, mean_px=1)
         error = disparity_map(pair.left, pair.right, config) - scene.disparity
         sound = scene.on_dome & scene.seen_twice & (np.abs(error) < 1)
-        locking_px[subpixel] = np.std([error[sound & (fraction == tenth)].mean() for tenth in range(10)])
+        locking_px[subpixel] = np.std(
+            [error[sound & (fraction == tenth)].mean() for tenth in range(10)]
+        )
     assert locking_px["equiangular"] < 0.01
     assert locking_px["parabola"] > 0.03
 
@@ -175,7 +204,9 @@ def test_the_coarse_pass_finds_a_range_that_holds_all_that_is_seen_and_not_much_
         assert count <= np.ptp(truth[seen]) + 2 * 16 + 32
         np.testing.assert_array_equal(
             disparity_map(pair.left, pair.right, StereoConfig()),
-            disparity_map(pair.left, pair.right, StereoConfig(min_disparity=smallest, num_disparities=count)),
+            disparity_map(
+                pair.left, pair.right, StereoConfig(min_disparity=smallest, num_disparities=count)
+            ),
         )
 
 
@@ -198,7 +229,9 @@ def test_pair_of_two_sizes_is_refused():
 
 def test_image_narrower_than_the_smallest_disparity_is_refused():
     with pytest.raises(PerceptionError, match="min_disparity = 64"):
-        disparity_map(*np.zeros((2, 40, 64), np.uint8), StereoConfig(min_disparity=64, num_disparities=32))
+        disparity_map(
+            *np.zeros((2, 40, 64), np.uint8), StereoConfig(min_disparity=64, num_disparities=32)
+        )
 
 
 def test_featureless_pair_yields_no_agreeing_depth_of_more_than_noise():

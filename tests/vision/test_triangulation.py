@@ -29,7 +29,9 @@ def test_true_disparity_gives_the_true_dome_within_a_micrometre():
 
 
 def test_points_come_out_in_the_unrectified_left_camera():
-    """A view turned by `R_LV` about the optical centre shows the same points in turned coordinates."""
+    """A view turned by `R_LV` about the optical centre shows the same points in turned
+    coordinates.
+    """
     R_LV = Rotation.from_euler("xyz", [2.0, -4.0, 1.0], degrees=True).as_matrix()
     disparity = np.full((9, 11), 120.0, np.float32)
     turned = triangulate(disparity, pair_like(9, 11, R_LV))
@@ -38,7 +40,9 @@ def test_points_come_out_in_the_unrectified_left_camera():
 
 def test_unknown_and_impossible_disparities_give_nan_points():
     disparity = np.array([[np.nan, 0.0, -3.0, 100.0]], np.float32)
-    assert np.isfinite(triangulate(disparity, pair_like(1, 4))).all(axis=-1).tolist() == [[False, False, False, True]]
+    assert np.isfinite(triangulate(disparity, pair_like(1, 4))).all(axis=-1).tolist() == [
+        [False, False, False, True]
+    ]
 
 
 def test_rectified_triangulation_is_opencvs_from_both_projections():
@@ -49,4 +53,6 @@ def test_rectified_triangulation_is_opencvs_from_both_projections():
     uv_left = np.stack([x.ravel(), y.ravel()], axis=-1)
     uv_right = np.stack([(x - disparity).ravel(), y.ravel()], axis=-1)
     points = cv2.triangulatePoints(*projections(pair), uv_left.T, uv_right.T)
-    np.testing.assert_allclose((points[:3] / points[3]).T, triangulate(disparity, pair).reshape(-1, 3), atol=1e-9)
+    np.testing.assert_allclose(
+        (points[:3] / points[3]).T, triangulate(disparity, pair).reshape(-1, 3), atol=1e-9
+    )

@@ -45,13 +45,15 @@ WORDS = {
         "check the cable, the switch and the pendant, then reconnect",
     ),
     Fault.PROTECTIVE_STOP: (
-        "protective stop: the controller saw a collision, a joint beyond its limits, or a wrong payload",
-        "read the reason on the pendant, free the probe, wait 5 s, acknowledge, then reconnect; never by play, which "
-        "finishes the interrupted motion",
+        "protective stop: the controller saw a collision, a joint beyond its limits, or a wrong "
+        "payload",
+        "read the reason on the pendant, free the probe, wait 5 s, acknowledge, then reconnect; "
+        "never by play, which finishes the interrupted motion",
     ),
     Fault.EMERGENCY_STOP: (
         "emergency stop: a button is pressed",
-        "turn it free, close the message on the pendant, power on, release the brakes, free the probe, then reconnect",
+        "turn it free, close the message on the pendant, power on, release the brakes, free the "
+        "probe, then reconnect",
     ),
     Fault.SAFEGUARD_STOP: (
         "safeguard stop: a guard or a three-position switch is open",
@@ -63,11 +65,12 @@ WORDS = {
     ),
     Fault.WATCHDOG: (
         "watchdog: the controller had no command for too long and stopped the arm",
-        "close other programs, check the network, then reconnect, which sends the program and arms the watchdog anew",
+        "close other programs, check the network, then reconnect, which sends the program and arms "
+        "the watchdog anew",
     ),
     Fault.PROGRAM: (
-        "program not running: the program on the controller has ended by itself, through a script error, another "
-        "program, or somebody at the pendant",
+        "program not running: the program on the controller has ended by itself, through a script "
+        "error, another program, or somebody at the pendant",
         "read the pendant's log, switch to remote control, then reconnect",
     ),
     Fault.REFUSED: (
@@ -79,7 +82,8 @@ WORDS = {
         "check that the controller is on and its cable plugged in, then reconnect",
     ),
     Fault.DIED: (
-        "worker died: the process that talks to the controller crashed or was killed, the arm stops by its watchdog",
+        "worker died: the process that talks to the controller crashed or was killed, the arm "
+        "stops by its watchdog",
         "note what it printed, then reconnect, which makes a new one",
     ),
 }

@@ -1,7 +1,7 @@
 """Before anything moves: is this the controller it should be, in a state to be driven?
 
-Asked over two of the controller's own services, with sockets of our own: the version over RTDE, everything else of the
-dashboard, which software from version 10 on does not have.
+Asked over two of the controller's own services, with sockets of our own: the version over RTDE,
+everything else of the dashboard, which software from version 10 on does not have.
 """
 
 import socket
@@ -14,14 +14,21 @@ import numpy as np
 
 from breastscan.errors import RobotError
 from breastscan.robot.ur.rtde_robot import RtdeRobot
-from breastscan.robot.ur.ur5e import DASHBOARD_PORT, MODEL, OLDEST_SOFTWARE, RTDE_PORT, WITHOUT_DASHBOARD
+from breastscan.robot.ur.ur5e import (
+    DASHBOARD_PORT,
+    MODEL,
+    OLDEST_SOFTWARE,
+    RTDE_PORT,
+    WITHOUT_DASHBOARD,
+)
 
 ANSWER_TIME = 2.5
 """Longest wait for an answer [s]."""
 FULL_SPEED = 0.999
 """Where the speed slider counts as fully up."""
 PLAUSIBLE_FORCE = 3.0
-"""Most that a tared sensor may read with nothing touching [N]: the built-in one's precision is 3.5 N in all [UR5e]."""
+"""Most that a tared sensor may read with nothing touching [N]: the built-in one's precision is 3.5
+N in all [UR5e]."""
 VERSION_REQUEST = struct.pack(">HB", 3, ord("v"))
 """RTDE message that asks for the controller's version [UR-rtde-guide]."""
 VERSION_REPLY = struct.Struct(">HB4I")
@@ -51,8 +58,9 @@ def examine(host: str) -> Controller:
     version = software_version(host)
     if version[0] < OLDEST_SOFTWARE:
         raise RobotError(
-            f"the controller at {host} runs software {_dotted(version)}, expected {OLDEST_SOFTWARE}.0 or newer, which "
-            "a UR5e has: this is an older UR5, which this program does not drive",
+            f"the controller at {host} runs software {_dotted(version)}, expected "
+            f"{OLDEST_SOFTWARE}.0 or newer, which a UR5e has: this is an older UR5, which this "
+            "program does not drive",
             version,
         )
     if version[0] >= WITHOUT_DASHBOARD:
@@ -66,7 +74,8 @@ def examine(host: str) -> Controller:
         )
         if controller.model.upper() not in (MODEL, f"{MODEL}E"):
             raise RobotError(
-                f"the robot at {host} is a {controller.model}, expected a UR5e: give another address with --robot",
+                f"the robot at {host} is a {controller.model}, expected a UR5e: give another "
+                "address with --robot",
                 controller.model,
             )
         _require_ready(ask, host)
@@ -81,8 +90,8 @@ def require_full_speed(robot: RtdeRobot) -> None:
     """
     if robot.speed_fraction < FULL_SPEED:
         raise RobotError(
-            f"the speed slider stands at {robot.speed_fraction:.0%}, expected 100 %, or the arm falls behind its path: "
-            "move it up on the pendant",
+            f"the speed slider stands at {robot.speed_fraction:.0%}, expected 100 %, or the arm "
+            "falls behind its path: move it up on the pendant",
             robot.speed_fraction,
         )
 
@@ -97,8 +106,8 @@ def require_plausible_sensor(robot: RtdeRobot) -> None:
     force = float(np.linalg.norm(robot.state().wrench_P[:3]))
     if not force < PLAUSIBLE_FORCE:
         raise RobotError(
-            f"the force sensor reads {force:.1f} N just after a tare, expected less than {PLAUSIBLE_FORCE:.1f} N: does "
-            "something touch the probe, or pull its cable?",
+            f"the force sensor reads {force:.1f} N just after a tare, expected less than "
+            f"{PLAUSIBLE_FORCE:.1f} N: does something touch the probe, or pull its cable?",
             force,
         )
 
@@ -115,7 +124,9 @@ def software_version(host: str) -> tuple[int, int, int, int]:
             reply = _receive(connection, VERSION_REPLY.size)
         except OSError as error:
             raise _no_controller(host, str(error)) from error
-    size, kind, *version = VERSION_REPLY.unpack(reply) if len(reply) == VERSION_REPLY.size else (0, 0)
+    size, kind, *version = (
+        VERSION_REPLY.unpack(reply) if len(reply) == VERSION_REPLY.size else (0, 0)
+    )
     if size != VERSION_REPLY.size or kind != ord("v"):
         raise _no_controller(host, "it does not tell its version")
     major, minor, bugfix, build = version
@@ -126,13 +137,19 @@ def _require_ready(ask: Callable[[str], str], host: str) -> None:
     checks = (
         ("robotmode", "RUNNING", "power it on and release the brakes, on the pendant"),
         ("safetymode", "NORMAL", "clear the stop on the pendant, after looking why it came"),
-        ("is in remote control", "TRUE", "remote control is off: switch it on, top right on the pendant"),
+        (
+            "is in remote control",
+            "TRUE",
+            "remote control is off: switch it on, top right on the pendant",
+        ),
     )
     for question, expected, cure in checks:
         answer = ask(question)
         if answer.rpartition(":")[2].strip().upper() != expected:
             raise RobotError(
-                f"the robot at {host} answers {answer!r} to {question!r}, expected {expected}: {cure}", answer
+                f"the robot at {host} answers {answer!r} to {question!r}, expected {expected}: "
+                f"{cure}",
+                answer,
             )
 
 
@@ -158,11 +175,14 @@ def _connected(host: str, port: int, service: str) -> socket.socket:
     try:
         return socket.create_connection((host, port), timeout=ANSWER_TIME)
     except socket.gaierror as error:
-        raise RobotError(f"there is no host {host!r}: check the name in --robot rtde://HOST", host) from error
+        raise RobotError(
+            f"there is no host {host!r}: check the name in --robot rtde://HOST", host
+        ) from error
     except OSError as error:
         raise RobotError(
-            f"no controller answers at {host}, port {port} ({error.strerror or error}): check the address and the "
-            f"cable, that the controller is on, and that its {service} is allowed under Settings, Security, Services",
+            f"no controller answers at {host}, port {port} ({error.strerror or error}): check the "
+            f"address and the cable, that the controller is on, and that its {service} is allowed "
+            "under Settings, Security, Services",
             host,
         ) from error
 
@@ -178,7 +198,9 @@ def _receive(connection: socket.socket, size: int) -> bytes:
 
 
 def _no_controller(host: str, why: str) -> RobotError:
-    return RobotError(f"what answers at {host} is no UR controller ({why}): check the address in --robot", host)
+    return RobotError(
+        f"what answers at {host} is no UR controller ({why}): check the address in --robot", host
+    )
 
 
 def _dotted(version: tuple[int, ...]) -> str:

@@ -1,6 +1,7 @@
 """A planned motion as a program that needs nothing but the robot's controller.
 
-It carries the trajectory with it, at `KNOT_PERIOD`, and interpolates it there by cubics at the controller's 500 Hz.
+It carries the trajectory with it, at `KNOT_PERIOD`, and interpolates it there by cubics at the
+controller's 500 Hz.
 """
 
 from collections.abc import Iterator
@@ -12,7 +13,8 @@ from breastscan.geometry import se3
 from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
 
 KNOT_PERIOD = 0.04
-"""Time between the trajectory's points in the program [s]: a loop has some 400, a program of 120 kB."""
+"""Time between the trajectory's points in the program [s]: a loop has some 400, a program of 120
+kB."""
 GAIN = 1200
 """Of servoj, 100 to 2000: what lags little without noise (UR client library)."""
 JOINT_SPEED, JOINT_ACCELERATION = 0.5, 0.5
@@ -23,7 +25,8 @@ STOP_DECELERATION = 2.0
 """Of stopj at the end of the path [rad/s^2]."""
 
 PROGRAM = """\
-# Written by breastscan. Follows a planned path with the probe's tip on the planned skin, WITHOUT force control.
+# Written by breastscan. Follows a planned path with the probe's tip on the planned skin,
+# WITHOUT force control.
 # Run it first in the air and at reduced speed; the protective stop is the robot's own.
 def breastscan_path():
   set_tcp({tcp})
@@ -64,7 +67,8 @@ def urscript(
     q_retreat: Float[np.ndarray, "6"],
     X_FP: Float[np.ndarray, "4 4"],
 ) -> str:
-    """A program for the controller: to the approach pose, onto the skin, along the path, off the skin.
+    """A program for the controller: to the approach pose, onto the skin, along the path, off the
+    skin.
 
     Args:
         q: Joint angles on the path, one row a period of the controller [rad].
@@ -96,7 +100,8 @@ def _segments(q: Float[np.ndarray, "n 6"], qd: Float[np.ndarray, "n 6"]) -> Iter
     """One call of the program's `follow` for each pair of knots."""
     t = PERIOD * np.arange(len(q))
     knots = np.linspace(0.0, t[-1], int(np.ceil(t[-1] / KNOT_PERIOD)) + 1)
-    stretched = knots[-1] / ((len(knots) - 1) * KNOT_PERIOD)  # whole segments: a little slower than planned
+    # whole segments: a little slower than planned
+    stretched = knots[-1] / ((len(knots) - 1) * KNOT_PERIOD)
     q = np.stack([np.interp(knots, t, column) for column in q.T], axis=1)
     qd = stretched * np.stack([np.interp(knots, t, column) for column in qd.T], axis=1)
     for k in range(len(knots) - 1):

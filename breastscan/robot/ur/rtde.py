@@ -1,8 +1,9 @@
 """ur_rtde behind a narrow class: the only file that imports it, and only inside the worker process.
 
-The client library crashes or lies after a lost connection (its own reconnecting ends in a segmentation fault, servoJ
-returns True on a dead link), so nothing here reconnects, and the process that holds a `Link` ends without running its
-destructors. Only calls whose answers can be trusted are used.
+The client library crashes or lies after a lost connection (its own reconnecting ends in a
+segmentation fault, servoJ returns True on a dead link), so nothing here reconnects, and the process
+that holds a `Link` ends without running its destructors. Only calls whose answers can be trusted
+are used.
 """
 
 import time
@@ -19,16 +20,27 @@ GAIN = 2000.0
 STOP_DECELERATION = 2.0
 """Of servoStop, at the tip [m/s^2]."""
 READY_STATES = 4
-"""States after a call that was waited for, until the program is ready for the next. A command sent sooner waits inside
-the library, in a loop that never sleeps and can keep the library's own receiver from ever seeing the program ready."""
+"""States after a call that was waited for, until the program is ready for the next. A command sent
+sooner waits inside the library, in a loop that never sleeps and can keep the library's own receiver
+from ever seeing the program ready."""
 READY_TIME = 0.1
 """Longest wait for them on the wall's clock [s]: a simulated controller may stand still until it
 has an answer. On the controller's own clock, by which its watchdog counts, they are 8 ms."""
 VARIABLES = (
-    "timestamp", "actual_q", "actual_qd", "actual_TCP_force", "runtime_state", "safety_status_bits", "robot_mode",
-    "target_speed_fraction", "ft_raw_wrench", "robot_status_bits", "output_int_register_2",
-)  # fmt: skip
-"""What is asked of the controller: less than the library's default, which costs both ends ten times as much."""
+    "timestamp",
+    "actual_q",
+    "actual_qd",
+    "actual_TCP_force",
+    "runtime_state",
+    "safety_status_bits",
+    "robot_mode",
+    "target_speed_fraction",
+    "ft_raw_wrench",
+    "robot_status_bits",
+    "output_int_register_2",
+)
+"""What is asked of the controller: less than the library's default, which costs both ends ten times
+as much."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,8 @@ class Link:
         """Connect, and send the program.
 
         Raises:
-            RuntimeError: The library's: not there, registers in use, no remote control, program does not start.
+            RuntimeError: The library's: not there, registers in use, no remote control, program
+                does not start.
         """
         from rtde_control import RTDEControlInterface
         from rtde_receive import RTDEReceiveInterface
@@ -105,7 +118,9 @@ class Link:
         return self._waited(self._control.setWatchdog, frequency)
 
     def set_tool(self, tip_F: list[float], payload: Payload) -> bool:
-        """Tell the controller the tip's pose in the flange, as position and rotation vector, and what hangs there."""
+        """Tell the controller the tip's pose in the flange, as position and rotation vector, and
+        what hangs there.
+        """
         return self._waited(self._control.setTcp, tip_F) and self._waited(
             self._control.setPayload, payload.mass, payload.centre_F.tolist()
         )
@@ -132,7 +147,9 @@ class Link:
 
     def _waited(self, call: Callable[..., bool], *arguments: object) -> bool:
         """Make a call that the library waits for, and wait until the program takes the next."""
-        done, before, until = call(*arguments), self.time, time.monotonic() + READY_TIME
+        done = call(*arguments)
+        before = self.time
+        until = time.monotonic() + READY_TIME
         while self.time < before + READY_STATES * PERIOD and time.monotonic() < until:
             time.sleep(0.25 * PERIOD)
         return done

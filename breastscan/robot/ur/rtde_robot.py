@@ -1,8 +1,9 @@
 """A UR5e on the network as a `Robot`: the real arm, or the twin as a controller.
 
-The library that speaks to it lives in a process of its own (`worker`), which may crash without taking the scan along.
-Every fault is told as a `RobotError` with its cure, at the next command, within a period of being seen. Nothing
-reconnects by itself: `reconnect` does, in a new process, once the fault's cause is gone.
+The library that speaks to it lives in a process of its own (`worker`), which may crash without
+taking the scan along. Every fault is told as a `RobotError` with its cure, at the next command,
+within a period of being seen. Nothing reconnects by itself: `reconnect` does, in a new process,
+once the fault's cause is gone.
 """
 
 import math
@@ -29,8 +30,8 @@ from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
 from breastscan.robot.ur.worker import TARGET, LinkLimits, WorkerSetup, serve
 
 TRANSPORT = 0.004
-"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one until its effect is
-told."""
+"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one
+until its effect is told."""
 ANSWER_TIME = 0.2
 """Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
 simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
@@ -40,11 +41,13 @@ controller waits for it. Of a controller that is gone it tells sooner, and a rea
 stopped the arm."""
 START_PERIODS, START_TIME = 10, 0.2
 """Periods in which the controller's program begins to follow a parked arm's place, and wall time in
-which all states on their way arrive [s]: from there on each target answers the state it was made of."""
+which all states on their way arrive [s]: from there on each target answers the state it was made
+of."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
 CONNECT_TIME = 60.0
-"""Longest wait for a new worker: a Python process starts, and the controller is given its program [s]."""
+"""Longest wait for a new worker: a Python process starts, and the controller is given its program
+[s]."""
 END_TIME = 2.0
 """Longest wait for a worker to bring the arm to rest and end [s]."""
 STOP_DECELERATION = 4.0
@@ -83,7 +86,8 @@ class RtdeRobot:
     period = PERIOD
     """Control period [s]."""
     servo_lag = TRANSPORT + LOOKAHEAD_TIME
-    """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's law imply."""
+    """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's
+    law imply."""
 
     def __init__(self, config: RtdeConfig) -> None:
         """Connect and take the arm over where it stands.
@@ -112,7 +116,8 @@ class RtdeRobot:
         """Track `q` [rad] for one period, and return when the state after it is there.
 
         Raises:
-            RobotError: The target is none that an arm follows, or the robot takes no commands: says why, and the cure.
+            RobotError: The target is none that an arm follows, or the robot takes no commands: says
+                why, and the cure.
         """
         targets.check_angles(q)
         targets.check_step(q, self._target, self.period)
@@ -129,12 +134,12 @@ class RtdeRobot:
     def move_joint(self, q: Float[np.ndarray, "6"], speed: float, acceleration: float) -> None:
         """Move to `q` [rad] on a straight line in joint space and wait until there.
 
-        The motion is streamed: a moveJ of the controller blocks its program, so the watchdog would have to be off for
-        as long.
+        The motion is streamed: a moveJ of the controller blocks its program, so the watchdog would
+        have to be off for as long.
 
         Raises:
-            RobotError: The target is out of reach, speed or acceleration are not positive, the robot stopped, or the
-                arm does not arrive.
+            RobotError: The target is out of reach, speed or acceleration are not positive, the
+                robot stopped, or the arm does not arrive.
         """
         targets.check_angles(q)
         targets.check_motion(speed, acceleration)
@@ -146,7 +151,8 @@ class RtdeRobot:
         self._settle()
 
     def tare(self) -> None:
-        """Hold still for `TARE_TIME` and take the mean wrench as zero: the sensor's own zero first, then the rest.
+        """Hold still for `TARE_TIME` and take the mean wrench as zero: the sensor's own zero first,
+        then the rest.
 
         Raises:
             RobotError: The robot stopped.
@@ -160,7 +166,9 @@ class RtdeRobot:
         self._zero_P = np.mean(wrenches, axis=0)
 
     def stop(self) -> None:
-        """Brake along the present course and stay there. Where no command is taken, the controller has stopped it."""
+        """Brake along the present course and stay there. Where no command is taken, the
+        controller has stopped it.
+        """
         with suppress(RobotError):
             self._recover()
             self._brake()
@@ -184,7 +192,8 @@ class RtdeRobot:
         self._request("set_digital_output", number, on)
 
     def reconnect(self) -> None:
-        """Take the arm over anew where it stands, by a new process, after a fault's cause is gone. The tare stays.
+        """Take the arm over anew where it stands, by a new process, after a fault's cause is gone.
+        The tare stays.
 
         Raises:
             RobotError: The controller is not there, or refuses.
@@ -213,7 +222,10 @@ class RtdeRobot:
             real_time=self._config.real_time,
         )
         self._process = self._context.Process(
-            target=serve, args=(setup, self._shared, theirs, answers), name="breastscan-rtde", daemon=True
+            target=serve,
+            args=(setup, self._shared, theirs, answers),
+            name="breastscan-rtde",
+            daemon=True,
         )
         self._process.start()
         theirs.close()
@@ -226,13 +238,19 @@ class RtdeRobot:
     def _greeting(self) -> float:
         """What a worker says once it is ready."""
         try:
-            told = self._requests.recv() if self._requests.poll(CONNECT_TIME) else TimeoutError("no answer")
+            told = (
+                self._requests.recv()
+                if self._requests.poll(CONNECT_TIME)
+                else TimeoutError("no answer")
+            )
         except EOFError as error:
             told = error
         if isinstance(told, float):
             return told
         self.close()
-        raise RobotError(f"cannot take over the robot at {self._config.host}: {_reason(told)}", told)
+        raise RobotError(
+            f"cannot take over the robot at {self._config.host}: {_reason(told)}", told
+        )
 
     def _stand_at(self, q: Float[np.ndarray, "6"]) -> None:
         """Go on from rest at `q` [rad]."""
@@ -266,7 +284,9 @@ class RtdeRobot:
         try:
             self._requests.send((name, *arguments))
             if not self._requests.poll(REQUEST_TIME):
-                raise RobotError(f"the controller does not answer to {name!r}: read the pendant's log", name)
+                raise RobotError(
+                    f"the controller does not answer to {name!r}: read the pendant's log", name
+                )
             done = self._requests.recv()
         except (EOFError, OSError):
             raise self._link_error() from None
@@ -276,7 +296,8 @@ class RtdeRobot:
         return True
 
     def _recover(self) -> None:
-        """Have commands taken again after a fault that has passed; the arm then rests at the latest target.
+        """Have commands taken again after a fault that has passed; the arm then rests at the latest
+        target.
 
         Raises:
             RobotError: The fault has not passed.
@@ -301,11 +322,15 @@ class RtdeRobot:
             if error < ARRIVED and np.abs(state.qd).max() < RESTS:
                 return
         raise RobotError(
-            f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds it", error
+            f"the arm does not arrive: {error:.4f} rad off after {SETTLE_TIME} s, something holds "
+            "it",
+            error,
         )
 
     def _wait_for(self, number: int, after: float = -math.inf) -> None:
-        """Until a state came after target `number`, and is newer than `after` on the controller's clock [s]."""
+        """Until a state came after target `number`, and is newer than `after` on the
+        controller's clock [s].
+        """
         began = self._shared.read().time
         while (state := self._sound(self._shared.read())).answers < number or state.time <= after:
             ready, _, _ = select.select([self._targets], [], [], HUNG_TIME)
@@ -313,7 +338,8 @@ class RtdeRobot:
                 raise faults.error(Fault.SILENCE)
             try:
                 woken = self._targets.recv(1)
-            except OSError:  # a killed worker may leave unread messages, which resets the connection
+            # a killed worker may leave unread messages, which resets the connection
+            except OSError:
                 woken = b""
             if not woken:
                 raise self._link_error()
@@ -323,7 +349,9 @@ class RtdeRobot:
         if state.fault is not Fault.NONE:
             raise faults.error(state.fault)
         if time.monotonic() - state.seen > HUNG_TIME:
-            raise self._link_error() if not self._process.is_alive() else faults.error(Fault.SILENCE)
+            raise (
+                self._link_error() if not self._process.is_alive() else faults.error(Fault.SILENCE)
+            )
         return state
 
     def _link_error(self) -> RobotError:
@@ -333,19 +361,32 @@ class RtdeRobot:
 
     def _as_robot_state(self, state: ControllerState) -> RobotState:
         R_PB = (self.calibration.forward(state.q)[:3, :3] @ self.X_FP[:3, :3]).T
-        wrench_P = np.concatenate([R_PB @ state.force_B[:3], R_PB @ state.force_B[3:]]) - self._zero_P
-        return RobotState(time=state.time, q=state.q, qd=state.qd, wrench_P=wrench_P, sample=state.sample)
+        wrench_P = (
+            np.concatenate([R_PB @ state.force_B[:3], R_PB @ state.force_B[3:]]) - self._zero_P
+        )
+        return RobotState(
+            time=state.time, q=state.q, qd=state.qd, wrench_P=wrench_P, sample=state.sample
+        )
 
 
 REASONS = (
-    ("registers are already in use", "another client or a fieldbus holds its RTDE registers: end it, and disable "
-     "EtherNet/IP, PROFINET and MODBUS on the controller"),
+    (
+        "registers are already in use",
+        "another client or a fieldbus holds its RTDE registers: end it, and disable "
+        "EtherNet/IP, PROFINET and MODBUS on the controller",
+    ),
     ("remote control", "it is not in remote control: switch it over on the pendant, top right"),
-    ("Could not connect", "nothing answers there: check the address, the cable, and that RTDE is allowed under the "
-     "controller's Security, Services"),
-    ("start control script", "its program does not start: power the arm on, release the brakes, clear any stop on the "
-     "pendant, and switch to remote control"),
-)  # fmt: skip
+    (
+        "Could not connect",
+        "nothing answers there: check the address, the cable, and that RTDE is allowed under the "
+        "controller's Security, Services",
+    ),
+    (
+        "start control script",
+        "its program does not start: power the arm on, release the brakes, clear any stop on the "
+        "pendant, and switch to remote control",
+    ),
+)
 """What the library's messages contain, and what they mean."""
 
 

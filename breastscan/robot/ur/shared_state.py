@@ -1,7 +1,9 @@
-"""The controller's latest state, in memory that the worker writes and its parent reads, without a lock.
+"""The controller's latest state, in memory that the worker writes and its parent reads, without a
+lock.
 
-A version number stands odd while the worker writes; a reader that saw it odd, or changed, reads again. Waiting is done
-elsewhere, on a socket: a parent that is busy for seconds must still find the newest state here.
+A version number stands odd while the worker writes; a reader that saw it odd, or changed, reads
+again. Waiting is done elsewhere, on a socket: a parent that is busy for seconds must still find the
+newest state here.
 """
 
 from dataclasses import dataclass
@@ -85,6 +87,13 @@ class SharedState:
             if before % 2 == 0 and int(record["version"][0]) == before:
                 break
         return ControllerState(
-            float(copy["time"]), copy["q"].copy(), copy["qd"].copy(), copy["force_B"].copy(), int(copy["sample"]),
-            int(copy["answers"]), Fault(int(copy["fault"])), float(copy["failed"]), float(copy["seen"]),
-        )  # fmt: skip
+            float(copy["time"]),
+            copy["q"].copy(),
+            copy["qd"].copy(),
+            copy["force_B"].copy(),
+            int(copy["sample"]),
+            int(copy["answers"]),
+            Fault(int(copy["fault"])),
+            float(copy["failed"]),
+            float(copy["seen"]),
+        )

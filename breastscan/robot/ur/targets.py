@@ -18,7 +18,9 @@ def check_angles(q: Float[np.ndarray, "6"]) -> None:
     """
     if not np.abs(q).max() <= ANGLE_LIMIT:
         raise RobotError(
-            f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: unwind the path", q
+            f"joint targets must be finite and stay within +-{ANGLE_LIMIT:.3f} rad, got {q}: "
+            "unwind the path",
+            q,
         )
 
 
@@ -31,8 +33,8 @@ def check_step(q: Float[np.ndarray, "6"], before: Float[np.ndarray, "6"], period
     step = float(np.abs(q - before).max())
     if step > SPEED_TOLERANCE * SPEED_LIMIT * period:
         raise RobotError(
-            f"the servo target jumps by {step:.4f} rad in one period, the joints do {SPEED_LIMIT:.2f} rad/s at most: "
-            "move there with move_joint first",
+            f"the servo target jumps by {step:.4f} rad in one period, the joints do "
+            f"{SPEED_LIMIT:.2f} rad/s at most: move there with move_joint first",
             q,
         )
 
@@ -45,7 +47,7 @@ def check_motion(speed: float, acceleration: float) -> None:
     """
     if not (0 < speed <= SPEED_LIMIT and acceleration > 0):
         raise RobotError(
-            f"move_joint needs a speed in 0 .. {SPEED_LIMIT:.2f} rad/s and a positive acceleration, got {speed} rad/s "
-            f"and {acceleration} rad/s^2",
+            f"move_joint needs a speed in 0 .. {SPEED_LIMIT:.2f} rad/s and a positive "
+            f"acceleration, got {speed} rad/s and {acceleration} rad/s^2",
             (speed, acceleration),
         )

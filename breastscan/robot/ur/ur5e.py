@@ -20,7 +20,11 @@ WITHOUT_DASHBOARD = 10
 """First major version that has no dashboard server."""
 RUNNING = 2
 """`runtime_state` of a controller whose program runs [UR-rtde-guide]."""
-PROTECTIVE_BIT, SAFEGUARD_BIT, SYSTEM_EMERGENCY_BIT, ROBOT_EMERGENCY_BIT, EMERGENCY_BIT = 2, 4, 5, 6, 7
+PROTECTIVE_BIT = 2
+SAFEGUARD_BIT = 4
+SYSTEM_EMERGENCY_BIT = 5
+ROBOT_EMERGENCY_BIT = 6
+EMERGENCY_BIT = 7
 """Of `safety_status_bits` [UR-rtde-guide]."""
 VIOLATION_BIT, FAULT_BIT = 8, 9
 """The others of them that end a motion."""

@@ -1,8 +1,9 @@
 """The process that talks to the controller: one command and one published state every 2 ms.
 
-It is paced by the controller's clock. A new state is published and its parent woken; the parent's next target arrives
-as a message, and goes out within the same period. Without one, the latest target is repeated, which keeps the
-watchdog quiet. Whatever goes wrong ends the commands, and the fault is published with the states that still come.
+It is paced by the controller's clock. A new state is published and its parent woken; the parent's
+next target arrives as a message, and goes out within the same period. Without one, the latest
+target is repeated, which keeps the watchdog quiet. Whatever goes wrong ends the commands, and the
+fault is published with the states that still come.
 
 Time is the controller's, as its states tell it, so that a simulated one may stand still for as
 long as this machine is busy elsewhere. A real one's runs on by itself: what it says has passed has
@@ -92,9 +93,14 @@ class WorkerSetup:
     """When the arm is no longer driven."""
 
 
-def serve(setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection) -> None:
-    """Run until the parent closes its end, or the link is lost; the process then ends without destructors."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle: it retreats first
+def serve(
+    setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection
+) -> None:
+    """Run until the parent closes its end, or the link is lost; the process then ends without
+    destructors.
+    """
+    # Ctrl-C is the parent's to handle: it retreats first
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if setup.real_time:
         with suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -111,18 +117,22 @@ def serve(setup: WorkerSetup, shared: SharedState, targets: socket.socket, reque
 class Worker:
     """The cycle and what it remembers."""
 
-    def __init__(self, setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection) -> None:
+    def __init__(
+        self, setup: WorkerSetup, shared: SharedState, targets: socket.socket, requests: Connection
+    ) -> None:
         """Connect and set the controller up."""
         self.link = Link(setup.host)
         if not self.link.set_tool(setup.tip_F, setup.payload):
             raise RuntimeError("the controller takes neither TCP nor payload")
         self._limits = setup.limits
-        self._shared, self._targets, self._requests = shared, targets, requests
+        self._shared = shared
+        self._targets = targets
+        self._requests = requests
         self._target: np.ndarray | None = None
         self._number = 0
         self._armed = False
-        """Whether the watchdog is: from the first target on. A parked arm may be left alone, however busy the computer
-        is with pictures."""
+        """Whether the watchdog is: from the first target on. A parked arm may be left alone,
+        however busy the computer is with pictures."""
         self._moving = False
         self._fault, self._failed = Fault.NONE, 0.0
         self._reading = self.link.read()
@@ -181,8 +191,12 @@ class Worker:
             if not self._armed:
                 self._fail(self._diagnosis(self.link.read()) or Fault.REFUSED)
         target = np.array(q)
-        self._moving = self._target is not None and bool(np.abs(target - self._target).max() > MOVING)
-        self._target, self._number, self._targeted = target, number, self._reading.time
+        self._moving = self._target is not None and bool(
+            np.abs(target - self._target).max() > MOVING
+        )
+        self._target = target
+        self._number = number
+        self._targeted = self._reading.time
         if self._owes:
             self._command()
 
@@ -193,7 +207,9 @@ class Worker:
 
     @property
     def _streaming(self) -> bool:
-        """Whether targets are coming; between two motions they are not, and a silence may end unnoticed."""
+        """Whether targets are coming; between two motions they are not, and a silence may end
+        unnoticed.
+        """
         return self._target is not None and self._idle * PERIOD <= self._limits.lateness
 
     @property
@@ -201,12 +217,16 @@ class Worker:
         return time.monotonic() - self._seen > GONE_TIME
 
     def _command(self) -> None:
-        """One package to the controller, unless there is a fault; the first refusal is the last command."""
+        """One package to the controller, unless there is a fault; the first refusal is the last
+        command.
+        """
         if self._fault not in (Fault.NONE, Fault.LATE):
             return
         taken = self.link.kick() if self._target is None else self.link.servo(self._target)
         if taken:
-            self._sent, self._answered, self._owes = self._reading.time, self._number, False
+            self._sent = self._reading.time
+            self._answered = self._number
+            self._owes = False
             self._note_seen()
         else:
             reading = self.link.read()
@@ -215,7 +235,9 @@ class Worker:
     def _take(self, reading: Reading) -> None:
         """A new state has come."""
         self._sample += reading.raw_wrench != self._reading.raw_wrench
-        self._reading, self._seen, self._owes = reading, time.monotonic(), True
+        self._reading = reading
+        self._seen = time.monotonic()
+        self._owes = True
         self._fail(self._diagnosis(reading))
         if self._idle * PERIOD > self._limits.lateness and self._moving:
             self._fail(Fault.LATE)
@@ -236,7 +258,9 @@ class Worker:
     def _fail(self, fault: Fault) -> None:
         """Note a fault; one that does not pass by itself stays the reason."""
         if fault is not Fault.NONE and fault is not self._fault and self._fault in PASSING:
-            self._fault, self._failed, self._moving = fault, self._reading.time, False
+            self._fault = fault
+            self._failed = self._reading.time
+            self._moving = False
             self._publish()
 
     def _publish(self) -> None:
@@ -254,7 +278,8 @@ class Worker:
                 seen=self._seen,
             )
         )
-        # a parent that is busy elsewhere finds the state when it looks; one that is gone is missed in `_listen`
+        # a parent that is busy elsewhere finds the state when it looks; one that is gone is missed
+        # in `_listen`
         with suppress(BlockingIOError, ConnectionError):
             self._targets.send(b"\0", socket.MSG_DONTWAIT)
 

@@ -1,4 +1,6 @@
-"""The calibration board: a plain chessboard, and its inner corners in pictures [Zhang, Sec. II-A, Fig. 2]."""
+"""The calibration board: a plain chessboard, and its inner corners in pictures [Zhang, Sec.
+II-A, Fig. 2].
+"""
 
 from dataclasses import dataclass
 
@@ -16,9 +18,9 @@ DETECTION = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
 class Board:
     """A chessboard, by the corners inside it where four squares meet.
 
-    Its frame has the origin in the first inner corner, x along a row of corners, y along a column and z into the board.
-    A board of even by even squares looks the same after half a turn: which of its two ends comes first is not seen in
-    one picture.
+    Its frame has the origin in the first inner corner, x along a row of corners, y along a column
+    and z into the board. A board of even by even squares looks the same after half a turn: which of
+    its two ends comes first is not seen in one picture.
     """
 
     columns: int = 7
@@ -31,10 +33,13 @@ class Board:
     def __post_init__(self) -> None:
         if self.columns < 3 or self.rows < 3:
             raise CalibrationError(
-                f"a board needs 3 x 3 inner corners at least, got {self.columns} x {self.rows}", self
+                f"a board needs 3 x 3 inner corners at least, got {self.columns} x {self.rows}",
+                self,
             )
         if not 0 < self.square < np.inf:
-            raise CalibrationError(f"a board's squares need a positive side in metres, got {self.square}", self)
+            raise CalibrationError(
+                f"a board's squares need a positive side in metres, got {self.square}", self
+            )
 
     @property
     def points(self) -> Float[np.ndarray, "n 3"]:
@@ -50,7 +55,9 @@ class Board:
 
 def find_corners(image: UInt8[np.ndarray, "h w"], board: Board) -> Float[np.ndarray, "n 2"] | None:
     """Pixels of the inner corners, row by row, or None where the whole board is not seen."""
-    found, corners = cv2.findChessboardCornersSB(image, (board.columns, board.rows), flags=DETECTION)
+    found, corners = cv2.findChessboardCornersSB(
+        image, (board.columns, board.rows), flags=DETECTION
+    )
     return corners[:, 0].astype(float) if found else None
 
 
@@ -72,10 +79,11 @@ class BoardShot:
 def find_shot(
     name: str, left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h w"], board: Board
 ) -> BoardShot | None:
-    """The corners in both pictures of a pair, or None where one of them does not show the whole board.
+    """The corners in both pictures of a pair, or None where one of them does not show the whole
+    board.
 
-    The cameras of a rig stand about the same way up, so the corners' order in the right picture is chosen to run the
-    same way as in the left one.
+    The cameras of a rig stand about the same way up, so the corners' order in the right picture is
+    chosen to run the same way as in the left one.
     """
     on_left, on_right = find_corners(left, board), find_corners(right, board)
     if on_left is None or on_right is None:

@@ -1,6 +1,8 @@
-"""Both cameras, their relative pose and every place of the board together, by least squares on the corners.
+"""Both cameras, their relative pose and every place of the board together, by least squares on the
+corners.
 
-OpenCV's `stereoCalibrate` adjusts the same quantities, but stops well short of the optimum on narrow valleys.
+OpenCV's `stereoCalibrate` adjusts the same quantities, but stops well short of the optimum on
+narrow valleys.
 """
 
 from collections.abc import Sequence
@@ -21,10 +23,14 @@ LENS_PARAMETERS = 9
 """fx, fy, cx, cy [px] and the five coefficients of the distortion."""
 
 
-def project(camera: Intrinsics, X_CBoard: Float[np.ndarray, "n 4 4"], board: Board) -> Float[np.ndarray, "n corners 2"]:
+def project(
+    camera: Intrinsics, X_CBoard: Float[np.ndarray, "n 4 4"], board: Board
+) -> Float[np.ndarray, "n corners 2"]:
     """Pixels of the board's corners at each of its poses."""
     points_C = board.points @ X_CBoard[:, :3, :3].swapaxes(1, 2) + X_CBoard[:, None, :3, 3]
-    pixels, _ = cv2.projectPoints(points_C.reshape(-1, 3), np.zeros(3), np.zeros(3), camera.K, camera.distortion)
+    pixels, _ = cv2.projectPoints(
+        points_C.reshape(-1, 3), np.zeros(3), np.zeros(3), camera.K, camera.distortion
+    )
     return pixels.reshape(len(X_CBoard), -1, 2)
 
 
@@ -47,7 +53,10 @@ def adjust(
     """The rig and the board's poses that fit the corners best, from a start near them."""
 
     def moved(x: Float[np.ndarray, "m"]) -> tuple[StereoRig, Float[np.ndarray, "n 4 4"]]:
-        lenses, motions = x[: 2 * LENS_PARAMETERS].reshape(2, -1), x[2 * LENS_PARAMETERS :].reshape(-1, 6)
+        lenses, motions = (
+            x[: 2 * LENS_PARAMETERS].reshape(2, -1),
+            x[2 * LENS_PARAMETERS :].reshape(-1, 6),
+        )
         small = se3.from_rotation_vector(motions[:, :3], motions[:, 3:])
         left, right = _lens(rig.left, lenses[0]), _lens(rig.right, lenses[1])
         return replace(rig, left=left, right=right, X_RL=rig.X_RL @ small[0]), X_LBoard @ small[1:]
@@ -60,7 +69,9 @@ def adjust(
 
 
 def _lens(camera: Intrinsics, change: Float[np.ndarray, "9"]) -> Intrinsics:
-    """The camera with its focal lengths and centre changed by a share of the focal length, its distortion by itself."""
+    """The camera with its focal lengths and centre changed by a share of the focal length, its
+    distortion by itself.
+    """
     K = camera.K.copy()
     K[FOCAL_AND_CENTRE] += camera.K[0, 0] * change[:4]
     return replace(camera, K=K, distortion=camera.distortion + change[4:])

@@ -44,26 +44,29 @@ def check(quality: Quality) -> None:
     for side, share in zip(("left", "right"), quality.coverage, strict=True):
         if share < LEAST_COVERAGE:
             raise CalibrationError(
-                f"the board's corners cover {share:.0%} of the {side} image, {LEAST_COVERAGE:.0%} are needed: "
-                "show the board in the corners and along the edges too",
+                f"the board's corners cover {share:.0%} of the {side} image, {LEAST_COVERAGE:.0%} "
+                "are needed: show the board in the corners and along the edges too",
                 quality,
             )
     if quality.tilt_spread < LEAST_TILT_SPREAD:
         raise CalibrationError(
             f"the board's tilt varies by {np.degrees(quality.tilt_spread):.1f} deg about one axis, "
-            f"{np.degrees(LEAST_TILT_SPREAD):.0f} deg are needed: tilt it by 20 to 45 deg about several axes",
+            f"{np.degrees(LEAST_TILT_SPREAD):.0f} deg are needed: tilt it by 20 to 45 deg about "
+            "several axes",
             quality,
         )
     if quality.fit_px > LARGEST_FIT_PX:
         raise CalibrationError(
-            f"the corners depart from the fitted cameras by {quality.fit_px:.2f} px, at most {LARGEST_FIT_PX} px are "
-            "accepted: is the board flat, are its squares as stated, are the pictures sharp and taken together?",
+            f"the corners depart from the fitted cameras by {quality.fit_px:.2f} px, at most "
+            f"{LARGEST_FIT_PX} px are accepted: is the board flat, are its squares as stated, are "
+            "the pictures sharp and taken together?",
             quality,
         )
     if quality.held_out_px > LARGEST_HELD_OUT_RATIO * quality.fit_px:
         raise CalibrationError(
-            f"shots held out of the calibration depart by {quality.held_out_px:.3f} px, those in it by "
-            f"{quality.fit_px:.3f} px: the shots do not determine the cameras, take more of them",
+            f"shots held out of the calibration depart by {quality.held_out_px:.3f} px, those in "
+            f"it by {quality.fit_px:.3f} px: the shots do not determine the cameras, take more of "
+            "them",
             quality,
         )
 

@@ -1,14 +1,24 @@
-"""Census transform [Zhang, Eq. 2] and the Hamming distance of two census strings [Zhang, Eq. 3], 32 at a time.
+"""Census transform [Zhang, Eq. 2] and the Hamming distance of two census strings [Zhang, Eq. 3], 32
+at a time.
 
-The 62 comparisons of a 9 x 7 window fill eight byte planes: plane k holds bits 8k to 8k+7 of every pixel's string, so
-that one vector load fetches the same bits of 32 neighbouring pixels.
+The 62 comparisons of a 9 x 7 window fill eight byte planes: plane k holds bits 8k to 8k+7 of every
+pixel's string, so that one vector load fetches the same bits of 32 neighbouring pixels.
 """
 
 import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from breastscan.vision.matching.lanes import LANES, chosen, count_ones, kernel, less, load, splat, store
+from breastscan.vision.matching.lanes import (
+    LANES,
+    chosen,
+    count_ones,
+    kernel,
+    less,
+    load,
+    splat,
+    store,
+)
 
 HALF_WIDTH, HALF_HEIGHT = 4, 3
 """Half of the window [px]: 9 x 7 is the largest window whose string fits eight bytes."""
@@ -18,18 +28,26 @@ LARGEST_COST = (2 * HALF_WIDTH + 1) * (2 * HALF_HEIGHT + 1) - 1
 
 
 def census(image: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h 8 w_padded"]:
-    """Census string of every pixel: a bit is 0 where the neighbour is brighter than the centre, else 1 [Zhang, Eq. 2].
+    """Census string of every pixel: a bit is 0 where the neighbour is brighter than the centre,
+    else 1 [Zhang, Eq. 2].
 
-    The image is continued by its border pixels. Rows are padded to a multiple of `LANES`; the padding means nothing.
+    The image is continued by its border pixels. Rows are padded to a multiple of `LANES`; the
+    padding means nothing.
     """
     height, width = image.shape
     padded_width = -(-width // LANES) * LANES
     bordered = cv2.copyMakeBorder(
-        image, HALF_HEIGHT, HALF_HEIGHT, HALF_WIDTH, HALF_WIDTH + padded_width - width, cv2.BORDER_REPLICATE
+        image,
+        HALF_HEIGHT,
+        HALF_HEIGHT,
+        HALF_WIDTH,
+        HALF_WIDTH + padded_width - width,
+        cv2.BORDER_REPLICATE,
     )
     dy, dx = np.mgrid[-HALF_HEIGHT : HALF_HEIGHT + 1, -HALF_WIDTH : HALF_WIDTH + 1].reshape(2, -1)
     is_neighbour = (dy != 0) | (dx != 0)
-    offsets = np.zeros(8 * PLANES, np.int64)  # the two bits left over compare the centre with itself: 1 in any image
+    # the two bits left over compare the centre with itself: 1 in any image
+    offsets = np.zeros(8 * PLANES, np.int64)
     offsets[:LARGEST_COST] = (dy * bordered.shape[1] + dx)[is_neighbour]
     planes = np.empty((height, PLANES, padded_width), np.uint8)
     _fill_planes(bordered.ravel(), bordered.shape[1], offsets, planes.ravel(), height, padded_width)
@@ -47,7 +65,9 @@ def _fill_planes(image, stride, offsets, planes, height, width):
                 bits = nothing
                 for bit in range(8):
                     neighbour = load(image, pixel + offsets[8 * plane + bit])
-                    bits = bits | chosen(less(centre, neighbour), nothing, splat(np.uint8(1 << bit)))
+                    bits = bits | chosen(
+                        less(centre, neighbour), nothing, splat(np.uint8(1 << bit))
+                    )
                 store(planes, (y * PLANES + plane) * width + x, bits)
 
 
@@ -60,7 +80,9 @@ def full_adder(a, b, c):
 
 @kernel
 def hamming(d0, d1, d2, d3, d4, d5, d6, d7):
-    """Number of bits set in eight bytes [Zhang, Eq. 3]; adding bits before counting them halves the work."""
+    """Number of bits set in eight bytes [Zhang, Eq. 3]; adding bits before counting them halves
+    the work.
+    """
     sum_a, carry_a = full_adder(d0, d1, d2)
     sum_b, carry_b = full_adder(d3, d4, d5)
     ones, carry_c = full_adder(sum_a, sum_b, d6)

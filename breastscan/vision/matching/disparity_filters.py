@@ -1,14 +1,25 @@
-"""What a disparity map is freed of: islands, which are matches by chance, pixels that stand out, and sub-pixel noise.
+"""What a disparity map is freed of: islands, which are matches by chance, pixels that stand out,
+and sub-pixel noise.
 
-The filters work on whole numbers, some hundred to the pixel, with `UNKNOWN` where nothing is known: half the memory of
-floating point, and twice as many in a vector register.
+The filters work on whole numbers, some hundred to the pixel, with `UNKNOWN` where nothing is known:
+half the memory of floating point, and twice as many in a vector register.
 """
 
 import cv2
 import numpy as np
 from jaxtyping import Float32, Int16, UInt16
 
-from breastscan.vision.matching.lanes import LANES, count_bits, equal, kernel, less, load, minimum, splat, store
+from breastscan.vision.matching.lanes import (
+    LANES,
+    count_bits,
+    equal,
+    kernel,
+    less,
+    load,
+    minimum,
+    splat,
+    store,
+)
 
 UNKNOWN = np.uint16(0)
 ABOVE_ALL = np.uint16(65535)
@@ -17,13 +28,15 @@ LARGEST_STEPS = 256
 
 
 LIKE_PX = 1.0
-"""Neighbours whose disparities differ by no more belong to one surface [px]: none that is matched rises faster."""
+"""Neighbours whose disparities differ by no more belong to one surface [px]: none that is matched
+rises faster."""
 
 
 def filtered(
     disparity: Float32[np.ndarray, "h w"], *, speckle_px: int, median_px: int, mean_px: int
 ) -> Float32[np.ndarray, "h w"]:
-    """The disparity [px] freed of speckles, then of outliers, then averaged over like neighbours; NaN where unknown.
+    """The disparity [px] freed of speckles, then of outliers, then averaged over like neighbours;
+    NaN where unknown.
 
     Args:
         disparity: Known values must not be negative [px].
@@ -59,13 +72,18 @@ def _to_whole(disparity, steps, whole):
 def _to_pixels(whole, rise, count, size, disparity):
     for y in range(whole.shape[0]):
         for x in range(whole.shape[1]):
-            mean = np.float32(whole[y, x]) + np.float32(rise[y, x]) / np.float32(count[y, x]) - np.float32(1.0)
+            mean = (
+                np.float32(whole[y, x])
+                + np.float32(rise[y, x]) / np.float32(count[y, x])
+                - np.float32(1.0)
+            )
             disparity[y, x] = mean * size if whole[y, x] != UNKNOWN else np.float32(np.nan)
 
 
 @kernel
 def remove_speckles(whole, step, smallest):
-    """Make every connected patch of fewer than `smallest` pixels unknown; a `step` connects neighbours at most.
+    """Make every connected patch of fewer than `smallest` pixels unknown; a `step` connects
+    neighbours at most.
 
     Pixels are joined to runs along the rows, and runs that touch across rows by union-find.
     """
@@ -76,7 +94,9 @@ def remove_speckles(whole, step, smallest):
     above, here = np.full(width, -1, np.int32), np.empty(width, np.int32)
     count = 0
     for y in range(height):
-        before, joined, start = np.int64(UNKNOWN), -1, 0
+        before = np.int64(UNKNOWN)
+        joined = -1
+        start = 0
         for x in range(width):
             value = np.int64(whole[y, x])
             if value == UNKNOWN or before == UNKNOWN or abs(value - before) > step:
@@ -88,7 +108,12 @@ def remove_speckles(whole, step, smallest):
                 joined, start = -1, x
             here[x] = count - 1 if value != UNKNOWN else -1
             upper = above[x]
-            if upper >= 0 and value != UNKNOWN and upper != joined and abs(value - np.int64(whole[y - 1, x])) <= step:
+            if (
+                upper >= 0
+                and value != UNKNOWN
+                and upper != joined
+                and abs(value - np.int64(whole[y - 1, x])) <= step
+            ):
                 joined = upper
                 _join(runs, count - 1, upper)
             before = value
@@ -124,11 +149,13 @@ def _erase_small(pixels, runs, smallest):
 
 
 def median_of_known(whole: UInt16[np.ndarray, "h w"], size: int) -> UInt16[np.ndarray, "h w"]:
-    """Median of the known values in each pixel's window (of two middle ones the lower); unknown pixels stay unknown.
+    """Median of the known values in each pixel's window (of two middle ones the lower); unknown
+    pixels stay unknown.
 
     The image is continued by its border pixels.
     """
-    # OpenCV's filter is fast but takes unknown pixels for small ones: windows that hold one are done again.
+    # OpenCV's filter is fast but takes unknown pixels for small ones: windows that hold one are
+    # done again.
     median = cv2.medianBlur(whole, size)
     unknown = (whole == UNKNOWN).view(np.uint8)
     near_unknown = cv2.dilate(unknown, np.ones((size, size), np.uint8))
@@ -158,12 +185,15 @@ def _median_again(where, whole, half, median):
 
 @kernel
 def _ranked(values, count, rank):
-    """The value that stands at `rank` once the first `count` are sorted; at most `LANES` of them."""
+    """The value that stands at `rank` once the first `count` are sorted; at most `LANES` of
+    them.
+    """
     lanes = load(values, 0)
     result = ABOVE_ALL
     for i in range(count):
         not_above = count_bits(equal(minimum(lanes, splat(values[i])), lanes))
-        reaches = np.uint16(values[i] if not_above > rank else ABOVE_ALL)  # no branch that could be mispredicted
+        # no branch that could be mispredicted
+        reaches = np.uint16(values[i] if not_above > rank else ABOVE_ALL)
         result = min(result, reaches)
     return result
 
@@ -171,14 +201,16 @@ def _ranked(values, count, rank):
 def mean_of_like(
     whole: UInt16[np.ndarray, "h w"], step: int, size: int
 ) -> tuple[Int16[np.ndarray, "h w2"], UInt16[np.ndarray, "h w2"]]:
-    """Each pixel with its like neighbours: those that differ from it by `step` at most, as their opposite ones do.
+    """Each pixel with its like neighbours: those that differ from it by `step` at most, as their
+    opposite ones do.
 
-    Lee's sigma filter [Lee 1983], but in pairs across the pixel, so that the mean of a slope is the slope even beside
-    an edge.
+    Lee's sigma filter [Lee 1983], but in pairs across the pixel, so that the mean of a slope is the
+    slope even beside an edge.
 
     Returns:
-        The sum of the neighbours' differences from the pixel, and how many pixels that is: the mean is the pixel's own
-        value + sum / count. Rows are padded; what stands for an unknown pixel means nothing.
+        The sum of the neighbours' differences from the pixel, and how many pixels that is: the mean
+        is the pixel's own value + sum / count. Rows are padded; what stands for an unknown pixel
+        means nothing.
     """
     height, width = whole.shape
     half, padded_width = size // 2, -(-width // LANES) * LANES
@@ -208,7 +240,9 @@ def _sum_like(bordered, half, step, rise, count, height, width):
                 place = (pair // side - half) * stride + pair % side - half
                 one = load(bordered, (y + half) * stride + x + half + place)
                 other = load(bordered, (y + half) * stride + x + half - place)
-                alike = less(_distance(one, centre), beyond) & less(_distance(other, centre), beyond)
+                alike = less(_distance(one, centre), beyond) & less(
+                    _distance(other, centre), beyond
+                )
                 total = total + ((one + other - centre - centre) & alike)
                 others = others - alike - alike  # all bits set is -1
             store(rise, y * width + x, total)

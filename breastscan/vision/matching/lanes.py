@@ -1,8 +1,9 @@
 """32 small unsigned integers at a time, for kernels that numba compiles.
 
-`Lanes` is a numba type held in vector registers. Inside a `@kernel`, `a + b`, `a - b`, `a << b`, `a & b`, `a | b` and
-`a ^ b` work lane by lane and wrap around; the functions below do the rest. LLVM maps them to whatever the processor has
-(AVX-512, AVX2, SSE, NEON), so one source serves all of them and no C compiler is needed.
+`Lanes` is a numba type held in vector registers. Inside a `@kernel`, `a + b`, `a - b`, `a << b`, `a
+& b`, `a | b` and `a ^ b` work lane by lane and wrap around; the functions below do the rest. LLVM
+maps them to whatever the processor has (AVX-512, AVX2, SSE, NEON), so one source serves all of them
+and no C compiler is needed.
 """
 
 import inspect
@@ -21,9 +22,13 @@ _INDEX = ir.IntType(32)
 
 
 def kernel(function: Callable) -> Callable:
-    """Compile `function` to machine code, inlined where it is called from another kernel, and cached on disk."""
+    """Compile `function` to machine code, inlined where it is called from another kernel, and
+    cached on disk.
+    """
     # Test runs wrap every function to check its argument types; numba wants the function itself.
-    return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(inspect.unwrap(function))
+    return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(
+        inspect.unwrap(function)
+    )
 
 
 class Lanes(types.Type):
@@ -72,16 +77,22 @@ for _operation, _instruction in (
 
 
 def _primitive(define: Callable) -> Callable:
-    """What `define` types and emits, as a function for kernels: it is called without the typing context."""
+    """What `define` types and emits, as a function for kernels: it is called without the typing
+    context.
+    """
     return intrinsic(define)
 
 
 def _call(builder, name, result, *operands):
-    """Call an LLVM intrinsic that is overloaded on the type of its first operand, such as `llvm.umin`."""
+    """Call an LLVM intrinsic that is overloaded on the type of its first operand, such as
+    `llvm.umin`.
+    """
     vector = operands[0].type
     function_type = ir.FunctionType(result, [operand.type for operand in operands])
     full_name = f"llvm.{name}.v{vector.count}i{vector.element.width}"
-    return builder.call(cgutils.get_or_insert_function(builder.module, function_type, full_name), operands)
+    return builder.call(
+        cgutils.get_or_insert_function(builder.module, function_type, full_name), operands
+    )
 
 
 def _address(context, builder, array_type, array, start, vector):
@@ -123,7 +134,9 @@ def splat(typing_context, value):
         vector = context.get_value_type(signature.return_type)
         undefined = ir.Constant(vector, ir.Undefined)
         first = builder.insert_element(undefined, operands[0], ir.Constant(_INDEX, 0))
-        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES))
+        return builder.shuffle_vector(
+            first, undefined, ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
+        )
 
     return _LANES_OF[value](value), emit
 
@@ -131,7 +144,9 @@ def splat(typing_context, value):
 @_primitive
 def minimum(typing_context, a, b):
     """The smaller of `a` and `b`, lane by lane."""
-    return a(a, a), lambda context, builder, signature, operands: _call(builder, "umin", operands[0].type, *operands)
+    return a(a, a), lambda context, builder, signature, operands: _call(
+        builder, "umin", operands[0].type, *operands
+    )
 
 
 @_primitive
@@ -145,7 +160,9 @@ def add_saturated(typing_context, a, b):
 @_primitive
 def count_ones(typing_context, a):
     """The number of bits set in each lane."""
-    return a(a), lambda context, builder, signature, operands: _call(builder, "ctpop", operands[0].type, *operands)
+    return a(a), lambda context, builder, signature, operands: _call(
+        builder, "ctpop", operands[0].type, *operands
+    )
 
 
 @_primitive
@@ -171,13 +188,17 @@ def _window(first: int):
 
 @_primitive
 def lanes_below(typing_context, before, here):
-    """Every lane's predecessor: `here` moved up by one lane, its first filled from the end of `before`."""
+    """Every lane's predecessor: `here` moved up by one lane, its first filled from the end of
+    `before`.
+    """
     return here(before, here), _window(LANES - 1)
 
 
 @_primitive
 def lanes_above(typing_context, here, after):
-    """Every lane's successor: `here` moved down by one lane, its last filled from the start of `after`."""
+    """Every lane's successor: `here` moved down by one lane, its last filled from the start of
+    `after`.
+    """
     return here(here, after), _window(1)
 
 
@@ -227,11 +248,15 @@ def equal(typing_context, a, b):
 @_primitive
 def count_bits(typing_context, bits):
     """The number of bits set in a number."""
-    return types.int64(types.int64), lambda context, builder, signature, operands: builder.ctpop(operands[0])
+    return types.int64(types.int64), lambda context, builder, signature, operands: builder.ctpop(
+        operands[0]
+    )
 
 
 @_primitive
 def first_bit(typing_context, bits):
     """The place of the lowest bit set in a number other than 0."""
     false = ir.Constant(ir.IntType(1), 0)
-    return types.int64(types.int64), lambda context, builder, signature, operands: builder.cttz(operands[0], false)
+    return types.int64(types.int64), lambda context, builder, signature, operands: builder.cttz(
+        operands[0], false
+    )

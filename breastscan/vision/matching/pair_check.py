@@ -1,4 +1,6 @@
-"""Pairs that cannot be measured: lens caps, glare, bare walls, exchanged cables. Each is said with its cure."""
+"""Pairs that cannot be measured: lens caps, glare, bare walls, exchanged cables. Each is said
+with its cure.
+"""
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -6,17 +8,19 @@ from jaxtyping import Float32, UInt8
 from breastscan.errors import PerceptionError
 
 DARKEST_SHADE = 12
-"""An image with hardly a pixel brighter than this is black [grey levels]: a tenth of a usual exposure."""
+"""An image with hardly a pixel brighter than this is black [grey levels]: a tenth of a usual
+exposure."""
 BRIGHTEST_SHADE = 254
 """From here on a pixel is saturated [grey levels]."""
 LARGEST_SATURATED_SHARE = 0.5
 SMALLEST_CONTRAST = 6.0
-"""An image whose grey levels span less has no texture to match [grey levels]; its noise alone spans this much."""
+"""An image whose grey levels span less has no texture to match [grey levels]; its noise alone spans
+this much."""
 TAIL = 0.02
 """Share of the pixels at either end that may be anything: dust, hot pixels, reflections."""
 EXCHANGED_GAIN = 1.25
-"""The images are exchanged if the other way round this many times as many pixels match: of two unrelated images, too,
-a third may."""
+"""The images are exchanged if the other way round this many times as many pixels match: of two
+unrelated images, too, a third may."""
 LEAST_SHARE = 0.05
 """Fewer matches say nothing about the order: the two images do not belong together."""
 
@@ -31,20 +35,21 @@ def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
     saturated = float(np.mean(image >= BRIGHTEST_SHADE))
     if brightest < DARKEST_SHADE:
         raise PerceptionError(
-            f"{name} is black: expected grey levels up to 100 or more, found {brightest:.0f} of 255: take off the lens "
-            "cap, add light or expose longer",
+            f"{name} is black: expected grey levels up to 100 or more, found {brightest:.0f} of "
+            "255: take off the lens cap, add light or expose longer",
             float(brightest),
         )
     if saturated > LARGEST_SATURATED_SHARE:
         raise PerceptionError(
-            f"{name} is saturated: {100 * saturated:.0f} % of its pixels are white, expected less than "
-            f"{100 * LARGEST_SATURATED_SHARE:.0f} %: expose shorter or dim the lamp",
+            f"{name} is saturated: {100 * saturated:.0f} % of its pixels are white, expected less "
+            f"than {100 * LARGEST_SATURATED_SHARE:.0f} %: expose shorter or dim the lamp",
             saturated,
         )
     if brightest - darkest < SMALLEST_CONTRAST:
         raise PerceptionError(
-            f"{name} has no texture: its grey levels span {brightest - darkest:.0f} of 255, expected "
-            f"{SMALLEST_CONTRAST:.0f} or more: point the camera at the scene, focus it, or project a pattern",
+            f"{name} has no texture: its grey levels span {brightest - darkest:.0f} of 255, "
+            f"expected {SMALLEST_CONTRAST:.0f} or more: point the camera at the scene, focus it, "
+            "or project a pattern",
             float(brightest - darkest),
         )
 
@@ -62,8 +67,9 @@ def check_order(matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarr
     share, exchanged_share = _known_share(matched), _known_share(exchanged)
     if exchanged_share > max(EXCHANGED_GAIN * share, LEAST_SHARE):
         raise PerceptionError(
-            f"the left and the right image are exchanged: {100 * share:.0f} % of the pixels match as given, "
-            f"{100 * exchanged_share:.0f} % the other way round: exchange the two files, or the cameras' cables",
+            f"the left and the right image are exchanged: {100 * share:.0f} % of the pixels match "
+            f"as given, {100 * exchanged_share:.0f} % the other way round: exchange the two files, "
+            "or the cameras' cables",
             share,
         )
 

@@ -1,9 +1,11 @@
-"""Semi-global matching [Zhang, Eqs. 4-7]: exact path costs over the whole image, 32 disparities at a time.
+"""Semi-global matching [Zhang, Eqs. 4-7]: exact path costs over the whole image, 32 disparities at
+a time.
 
-Two sweeps cross the image, one downwards and one upwards, each with the paths that come from behind it: along its row,
-straight, and along both diagonals. They start together and store, over their first half, the matching costs and what
-their paths add to them (8 bit: one path adds P2 at most). They meet in the middle, and each completes the half that the
-other has stored: to load the matching costs is faster than to count bits again.
+Two sweeps cross the image, one downwards and one upwards, each with the paths that come from behind
+it: along its row, straight, and along both diagonals. They start together and store, over their
+first half, the matching costs and what their paths add to them (8 bit: one path adds P2 at most).
+They meet in the middle, and each completes the half that the other has stored: to load the matching
+costs is faster than to count bits again.
 """
 
 import threading
@@ -30,13 +32,14 @@ def semi_global_disparity(
     paths: int,
     matching: Matching,
 ) -> None:
-    """Disparity of the left pixels [px], NaN where the right image disagrees or the winner ends the range.
+    """Disparity of the left pixels [px], NaN where the right image disagrees or the winner ends the
+    range.
 
     Args:
-        left: Census planes of the left pixels. Those columns are matched that the smallest disparity does not carry off
-            the right image.
-        right: Census planes of the right pixels, continued to the left; column x + e is compared with the x-th matched
-            left column at index e.
+        left: Census planes of the left pixels. Those columns are matched that the smallest
+            disparity does not carry off the right image.
+        right: Census planes of the right pixels, continued to the left; column x + e is compared
+            with the x-th matched left column at index e.
         result: Is filled; one column for each that is matched.
         disparities: Number of disparities, a multiple of `LANES`.
         paths: 8, or 4 for rows and columns only.
@@ -50,13 +53,24 @@ def semi_global_disparity(
     def run(downwards: bool, first_step: int, last_step: int, completes: bool) -> None:
         side = int(downwards)
         sweep_for(disparities, paths, completes)(
-            left, right, rises, costs, result, fronts.path_costs[side], fronts.floors[side], downwards, first_step,
-            last_step, matching,
-        )  # fmt: skip
+            left,
+            right,
+            rises,
+            costs,
+            result,
+            fronts.path_costs[side],
+            fronts.floors[side],
+            downwards,
+            first_step,
+            last_step,
+            matching,
+        )
 
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(run, (True, False), (0, 0), (middle, height - middle), (False, False)))
-        list(pool.map(run, (True, False), (middle, height - middle), (height, height), (True, True)))
+        list(
+            pool.map(run, (True, False), (middle, height - middle), (height, height), (True, True))
+        )
 
 
 class _Memory(threading.local):
@@ -67,7 +81,9 @@ _memory = _Memory()
 
 
 def _kept_volumes(height: int, width: int, disparities: int) -> UInt8[np.ndarray, "2 h w_d"]:
-    """Two bytes a pixel and disparity, in memory that each thread keeps: paging it in anew would cost a tenth more."""
+    """Two bytes a pixel and disparity, in memory that each thread keeps: paging it in anew would
+    cost a tenth more.
+    """
     shape = (2, height, width * disparities)
     if _memory.volumes.size < np.prod(shape):
         _memory.volumes = _aligned_zeros(shape).ravel()
@@ -76,7 +92,9 @@ def _kept_volumes(height: int, width: int, disparities: int) -> UInt8[np.ndarray
 
 @dataclass(frozen=True, kw_only=True)
 class _Fronts:
-    """What `Front` takes: for both sweeps the row behind and the row at hand, which change places at every step."""
+    """What `Front` takes: for both sweeps the row behind and the row at hand, which change
+    places at every step.
+    """
 
     path_costs: UInt8[np.ndarray, "2 2 n"]
     floors: UInt8[np.ndarray, "2 2 slots"]
@@ -86,9 +104,11 @@ class _Fronts:
         """No line has begun."""
         slots = (paths // 2 - 1) * (width + 2)
         path_costs = _aligned_zeros((2, 2, 1 + slots, disparities + LANES))
-        path_costs[..., disparities:] = NO_PATH  # the first slot holds no costs, only what precedes those of the next
+        # the first slot holds no costs, only what precedes those of the next
+        path_costs[..., disparities:] = NO_PATH
         return _Fronts(
-            path_costs=path_costs.reshape(2, 2, -1)[..., disparities:], floors=np.zeros((2, 2, slots), np.uint8)
+            path_costs=path_costs.reshape(2, 2, -1)[..., disparities:],
+            floors=np.zeros((2, 2, slots), np.uint8),
         )
 
 

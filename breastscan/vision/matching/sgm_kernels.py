@@ -1,6 +1,7 @@
 """The steps of semi-global matching at one pixel, for all its disparities [Zhang, Eqs. 3-7].
 
-Index e of a cost row stands for disparity `largest_disparity - e`: so the right image is read from left to right.
+Index e of a cost row stands for disparity `largest_disparity - e`: so the right image is read from
+left to right.
 """
 
 from typing import NamedTuple
@@ -26,7 +27,8 @@ from breastscan.vision.matching.lanes import (
 NO_PATH = np.uint8(255)
 """Cost of a disparity outside the range: no path comes from there."""
 LARGEST_P2 = 63
-"""What the paths of one sweep add to the matching cost, four times P2 at most, is kept in 8 bits."""
+"""What the paths of one sweep add to the matching cost, four times P2 at most, is kept in 8
+bits."""
 WORST_TOTAL = np.uint16(65535)
 BLOCK_BITS = np.uint16(6)
 """Bits of a block's number below a total: 8 paths of at most 62 + 63 each leave them free."""
@@ -49,11 +51,13 @@ class Matching(NamedTuple):
 
 
 class Front(NamedTuple):
-    """Where a sweep stands: the path costs of one image row, for each of the directions that come from the row behind.
+    """Where a sweep stands: the path costs of one image row, for each of the directions that come
+    from the row behind.
 
-    A line's path costs fill a slot of their own, with `NO_PATH` before and after them, so that d - 1 and d + 1 can be
-    loaded like d. Every direction has a slot for each pixel and one off either end of the row, whose costs stay 0: a
-    line that enters the image has no predecessor, and its first path cost is the matching cost.
+    A line's path costs fill a slot of their own, with `NO_PATH` before and after them, so that d -
+    1 and d + 1 can be loaded like d. Every direction has a slot for each pixel and one off either
+    end of the row, whose costs stay 0: a line that enters the image has no predecessor, and its
+    first path cost is the matching cost.
     """
 
     path_costs: UInt8[np.ndarray, "n"]
@@ -85,7 +89,9 @@ def census_string(planes, x):
 
 @kernel
 def matching_cost(string, planes, x):
-    """C(p, d): the Hamming distances [Zhang, Eq. 3] of `string` and those at x and the 31 pixels after it."""
+    """C(p, d): the Hamming distances [Zhang, Eq. 3] of `string` and those at x and the 31 pixels
+    after it.
+    """
     n = planes.size // PLANES
     b0, b1, b2, b3, b4, b5, b6, b7 = string
     return hamming(
@@ -102,7 +108,9 @@ def matching_cost(string, planes, x):
 
 @kernel
 def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
-    """C(p, d) for the left columns from `first` on, all disparities of one before those of the next."""
+    """C(p, d) for the left columns from `first` on, all disparities of one before those of the
+    next.
+    """
     for x in range(width):
         string = census_string(left_row, first + x)
         for e in range(0, disparities, LANES):
@@ -111,7 +119,9 @@ def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
 
 @kernel
 def bounds(floor, matching):
-    """The least path cost behind, and what a jump from there costs: in every lane, once for all disparities."""
+    """The least path cost behind, and what a jump from there costs: in every lane, once for all
+    disparities.
+    """
     return splat(floor), splat(np.uint8(floor + matching.P2))
 
 
@@ -131,7 +141,9 @@ def rise_over(here, beside, behind, matching):
 
 @kernel
 def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, matching):
-    """One line, one pixel onwards: stores L_r(p, d) at `ahead_start`, gives L_r - C and the least L_r so far."""
+    """One line, one pixel onwards: stores L_r(p, d) at `ahead_start`, gives L_r - C and the
+    least L_r so far.
+    """
     beside = minimum(load(path_costs, start - 1), load(path_costs, start + 1))
     rise = rise_over(load(path_costs, start), beside, behind, matching)
     store(ahead_costs, ahead_start, cost + rise)
@@ -140,7 +152,9 @@ def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, m
 
 @kernel
 def total_cost(cost, rises, stored_rises, paths):
-    """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's paths add to it."""
+    """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's
+    paths add to it.
+    """
     twice = cost + cost
     if paths == 4:  # all rises together still fit 8 bits, and so does 4 C
         return widened(twice + twice) + widened(rises + stored_rises)
@@ -150,7 +164,9 @@ def total_cost(cost, rises, stored_rises, paths):
 
 @kernel
 def ranked(total, e):
-    """Totals at e and after, each with the number of its `LANES` disparities below it: one minimum compares both."""
+    """Totals at e and after, each with the number of its `LANES` disparities below it: one
+    minimum compares both.
+    """
     return (total << splat(BLOCK_BITS)) + splat(np.uint16(e // LANES))
 
 
@@ -164,11 +180,15 @@ def first_index(ranks):
 
 @kernel
 def row_disparities(winners, totals, right_best, disparities, matching, result):
-    """One row's disparities [px], NaN where left and right disagree [Zhang, Eq. 7] or the winner ends the range."""
+    """One row's disparities [px], NaN where left and right disagree [Zhang, Eq. 7] or the winner
+    ends the range.
+    """
     for x in range(result.size):
         winner = winners[x]
         in_range = 0 < winner < disparities - 1 and x + winner >= disparities - 1
-        if in_range and _agrees(totals, right_best, x, winner, matching.tolerance, disparities, result.size):
+        if in_range and _agrees(
+            totals, right_best, x, winner, matching.tolerance, disparities, result.size
+        ):
             offset = _sub_pixel(totals, x * disparities + winner, matching.equiangular)
             result[x] = matching.largest_disparity - (winner + offset)
         else:
@@ -179,11 +199,16 @@ def row_disparities(winners, totals, right_best, disparities, matching, result):
 def _agrees(totals, right_best, x, winner, tolerance, disparities, width):
     """Whether a best disparity of the right pixel lies within `tolerance` of the left winner."""
     best = right_best[x + winner]
-    if totals[x * disparities + winner] == best:  # so nearly everywhere: the processor guesses it right
+    # so nearly everywhere: the processor guesses it right
+    if totals[x * disparities + winner] == best:
         return True
     for shift in range(-tolerance, tolerance + 1):
         left_x, e = x + shift, winner - shift
-        if 0 <= left_x < width and 0 <= e < disparities and totals[left_x * disparities + e] == best:
+        if (
+            0 <= left_x < width
+            and 0 <= e < disparities
+            and totals[left_x * disparities + e] == best
+        ):
             return True
     return False
 
@@ -191,6 +216,8 @@ def _agrees(totals, right_best, x, winner, tolerance, disparities, width):
 @kernel
 def _sub_pixel(totals, index, equiangular):
     """Where between its neighbours the minimum lies, in -.5 to .5 of an index."""
-    before, least, after = np.int64(totals[index - 1]), np.int64(totals[index]), np.int64(totals[index + 1])
+    before = np.int64(totals[index - 1])
+    least = np.int64(totals[index])
+    after = np.int64(totals[index + 1])
     span = 2 * (max(before, after) - least) if equiangular else 2 * (before + after - 2 * least)
     return (before - after) / span if span > 0 else 0.0

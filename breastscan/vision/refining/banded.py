@@ -1,6 +1,8 @@
-"""Symmetric positive definite systems of a narrow band, and small dense products, each on one thread.
+"""Symmetric positive definite systems of a narrow band, and small dense products, each on one
+thread.
 
-BLAS would serve, but starts threads whose waiting costs twenty times what these small problems take.
+BLAS would serve, but starts threads whose waiting costs twenty times what these small problems
+take.
 
 Entry (j, j + k) of a banded matrix stands at [j, k]; the part below the diagonal is not kept.
 """
@@ -23,7 +25,9 @@ def factorized(matrix: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "n band
     return factor
 
 
-def solved(factor: Float[np.ndarray, "n band"], right_side: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def solved(
+    factor: Float[np.ndarray, "n band"], right_side: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"]:
     """The x with U^T U x = `right_side`."""
     x = right_side.copy()
     _substitute(factor, x)
@@ -80,7 +84,9 @@ def _factorize(matrix):
             )
             for pivot in range(first + 1, end):
                 i = row - pivot
-                _add_multiple(matrix[row, shared : band - i], -matrix[pivot, i], matrix[pivot, i + shared :])
+                _add_multiple(
+                    matrix[row, shared : band - i], -matrix[pivot, i], matrix[pivot, i + shared :]
+                )
         for row in range(min(first + band, size), min(first + 3 + band, size)):
             for pivot in range(row - band + 1, end):
                 i = row - pivot
@@ -91,7 +97,10 @@ def _factorize(matrix):
 @kernel
 def _subtract_products(target, a, b, c, d):
     """`target -= a[0] a + b[0] b + c[0] c + d[0] d`, over the target's length."""
-    a0, b0, c0, d0 = a[0], b[0], c[0], d[0]
+    a0 = a[0]
+    b0 = b[0]
+    c0 = c[0]
+    d0 = d[0]
     for k in range(target.size):
         target[k] -= a0 * a[k] + b0 * b[k] + c0 * c[k] + d0 * d[k]
 
@@ -113,14 +122,17 @@ def _substitute(factor, x):
 def _invert_within_band(factor, inverse):
     """Row by row from the last: Z U^T = U^-1 is upper triangular with 1 / U_jj on its diagonal."""
     size, band = factor.shape
-    rows = np.zeros((size, 2 * band - 1))  # of Z, entry (j, j + k) at [j, diagonal + k] on both sides of the diagonal
+    # of Z, entry (j, j + k) at [j, diagonal + k] on both sides of the diagonal
+    rows = np.zeros((size, 2 * band - 1))
     diagonal = band - 1
     product_row = np.empty(band)
     for j in range(size - 1, -1, -1):
         reach = min(band, size - j)
         product_row[:] = 0.0  # of the known block of Z below and right of j with row j of U
         for i in range(1, reach):
-            _add_multiple(product_row[1:], factor[j, i], rows[j + i, diagonal + 1 - i : diagonal + band - i])
+            _add_multiple(
+                product_row[1:], factor[j, i], rows[j + i, diagonal + 1 - i : diagonal + band - i]
+            )
         for k in range(1, reach):
             inverse[j, k] = -product_row[k] / factor[j, 0]
             rows[j, diagonal + k] = rows[j + k, diagonal - k] = inverse[j, k]

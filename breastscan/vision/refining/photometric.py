@@ -1,4 +1,6 @@
-"""Fits of a spline disparity field: to the matcher's disparity, and from there to the images themselves."""
+"""Fits of a spline disparity field: to the matcher's disparity, and from there to the images
+themselves.
+"""
 
 from dataclasses import dataclass
 
@@ -30,10 +32,11 @@ class FitConfig:
     """How the field is fitted to the images."""
 
     smoothing: float = 7.0
-    """Penalty on squared third differences of the coefficients, times the noise variance [1/px^2]."""
+    """Penalty on squared third differences of the coefficients, times the noise variance
+    [1/px^2]."""
     doubtful: float = 2.4
-    """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up 5 % of what normal
-    noise tells): occluded pixels at the object's rim must not pull."""
+    """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up
+    5 % of what normal noise tells): occluded pixels at the object's rim must not pull."""
     iterations: int = 8
     """Gauss-Newton steps at most."""
     converged_px: float = 1e-3
@@ -45,7 +48,9 @@ class FitConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class GreyLevels:
-    """Grey levels of the region's left pixels, and the right image as cubic splines along its rows."""
+    """Grey levels of the region's left pixels, and the right image as cubic splines along its
+    rows.
+    """
 
     left: Float[np.ndarray, "cells pixels"]
     right_splines: Float[np.ndarray, "rows w"]
@@ -55,7 +60,9 @@ class GreyLevels:
     """Column of each pixel in the whole image."""
 
     @staticmethod
-    def cut(left: Shaped[np.ndarray, "h w"], right: Shaped[np.ndarray, "h w"], region: Region) -> "GreyLevels":
+    def cut(
+        left: Shaped[np.ndarray, "h w"], right: Shaped[np.ndarray, "h w"], region: Region
+    ) -> "GreyLevels":
         """Those that the region needs."""
         rows, columns = np.mgrid[region.rows, region.columns]
         splines = spline_filter1d(right[region.rows].astype(float), 3, axis=1, mode="mirror")
@@ -69,7 +76,9 @@ class GreyLevels:
     def right_at(
         self, disparity: Float[np.ndarray, "cells pixels"]
     ) -> tuple[Float[np.ndarray, "cells pixels"], Float[np.ndarray, "cells pixels"]]:
-        """Right grey level at x - d and its slope along x; beyond the border that of the border, with no slope."""
+        """Right grey level at x - d and its slope along x; beyond the border that of the border,
+        with no slope.
+        """
         value, slope = np.empty_like(disparity), np.empty_like(disparity)
         _evaluate_rows(self.right_splines, self.row, self.column, disparity, value, slope)
         return value, slope
@@ -77,7 +86,9 @@ class GreyLevels:
 
 @kernel
 def _evaluate_rows(splines, row, column, disparity, value, slope):
-    """Cubic B-splines along rows, at column - disparity; compiled, since NumPy's temporaries cost ten times as much."""
+    """Cubic B-splines along rows, at column - disparity; compiled, since NumPy's temporaries
+    cost ten times as much.
+    """
     last = splines.shape[1] - 2.001
     for i in range(disparity.shape[0]):
         for k in range(disparity.shape[1]):
@@ -88,9 +99,17 @@ def _evaluate_rows(splines, row, column, disparity, value, slope):
             c0, c1 = splines[row[i, k], knot - 1], splines[row[i, k], knot]
             c2, c3 = splines[row[i, k], knot + 1], splines[row[i, k], knot + 2]
             value[i, k] = (
-                (1 - t) ** 3 * c0 + (3 * t**3 - 6 * t**2 + 4) * c1 + (3 * (t + t**2 - t**3) + 1) * c2 + t**3 * c3
+                (1 - t) ** 3 * c0
+                + (3 * t**3 - 6 * t**2 + 4) * c1
+                + (3 * (t + t**2 - t**3) + 1) * c2
+                + t**3 * c3
             ) / 6
-            along = (-((1 - t) ** 2) * c0 + (3 * t**2 - 4 * t) * c1 + (1 + 2 * t - 3 * t**2) * c2 + t**2 * c3) / 2
+            along = (
+                -((1 - t) ** 2) * c0
+                + (3 * t**2 - 4 * t) * c1
+                + (1 + 2 * t - 3 * t**2) * c2
+                + t**2 * c3
+            ) / 2
             slope[i, k] = along if position == exact else 0.0
 
 
@@ -101,7 +120,8 @@ class PhotometricFit:
     coefficients: Float[np.ndarray, "n"]
     """The field's [px]."""
     factor: Float[np.ndarray, "n band"]
-    """Banded U with U^T U the normal matrix that the coefficients come from [1/px^2, times the noise variance]."""
+    """Banded U with U^T U the normal matrix that the coefficients come from [1/px^2, times the
+    noise variance]."""
     gain: float = 1.0
     bias: float = 0.0
     noise: float = LEAST_NOISE
@@ -109,9 +129,13 @@ class PhotometricFit:
 
 
 def fit_to_matcher(
-    field: SplineField, matched: Float32[np.ndarray, "cells pixels"], smooth: Bool[np.ndarray, "cells pixels"]
+    field: SplineField,
+    matched: Float32[np.ndarray, "cells pixels"],
+    smooth: Bool[np.ndarray, "cells pixels"],
 ) -> Float[np.ndarray, "n"]:
-    """Coefficients of the field that best follows the matcher's disparity, outliers counting little."""
+    """Coefficients of the field that best follows the matcher's disparity, outliers counting
+    little.
+    """
     known = smooth & np.isfinite(matched)
     target = np.where(known, matched, 0.0)
     smoothing = INITIAL_SMOOTHING * field.banded_bending + _ridge(field)
@@ -132,12 +156,18 @@ def fit_to_images(
 ) -> PhotometricFit:
     """Gauss-Newton from `coefficients` until a step is small.
 
-    The normal matrix hardly changes once the steps are short, and is then kept: to factorize it is most of the work.
+    The normal matrix hardly changes once the steps are short, and is then kept: to factorize it is
+    most of the work.
     """
     fit, step_px = PhotometricFit(coefficients=coefficients, factor=field.banded_bending), np.inf
     for _ in range(config.iterations):
-        before, fit = fit, _step(field, images, smooth, fit, config, renew=step_px > RENEWED_ABOVE_PX)
-        step_px = float(np.sqrt(np.mean(field.evaluate(fit.coefficients - before.coefficients)[smooth] ** 2)))
+        before, fit = (
+            fit,
+            _step(field, images, smooth, fit, config, renew=step_px > RENEWED_ABOVE_PX),
+        )
+        step_px = float(
+            np.sqrt(np.mean(field.evaluate(fit.coefficients - before.coefficients)[smooth] ** 2))
+        )
         if step_px < config.converged_px:
             break
     return fit
@@ -152,7 +182,9 @@ def _step(
     *,
     renew: bool,
 ) -> PhotometricFit:
-    """One Gauss-Newton step on left - gain * right(x - d) - bias, with the smoothing scaled by the noise."""
+    """One Gauss-Newton step on left - gain * right(x - d) - bias, with the smoothing scaled by
+    the noise.
+    """
     right, slope = images.right_at(field.evaluate(fit.coefficients))
     residual = images.left - fit.gain * right - fit.bias
     noise = noise_of(residual[smooth])
@@ -162,12 +194,18 @@ def _step(
     factor = fit.factor
     if renew:
         factor = factorized(
-            field.normal_matrix(weight * derivative**2) + smoothing * field.banded_bending + _ridge(field)
+            field.normal_matrix(weight * derivative**2)
+            + smoothing * field.banded_bending
+            + _ridge(field)
         )
-    descent = -field.right_side(weight * derivative * residual) - smoothing * (field.bending @ fit.coefficients)
+    descent = -field.right_side(weight * derivative * residual) - smoothing * (
+        field.bending @ fit.coefficients
+    )
     gain, bias = line_fit(right, images.left, weight)
     coefficients = fit.coefficients + solved(factor, descent)
-    return PhotometricFit(coefficients=coefficients, factor=factor, gain=gain, bias=bias, noise=noise)
+    return PhotometricFit(
+        coefficients=coefficients, factor=factor, gain=gain, bias=bias, noise=noise
+    )
 
 
 def noise_of(residual: Float[np.ndarray, "n"]) -> float:

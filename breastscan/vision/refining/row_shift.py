@@ -1,8 +1,10 @@
-"""How far the rows of a rectified pair are off, from the images themselves, and the right image put on its rows.
+"""How far the rows of a rectified pair are off, from the images themselves, and the right image put
+on its rows.
 
-Where a rig has moved since its calibration, a point no longer lies on the same row of both views. A pitch, a roll and a
-change of focal length between the cameras are seen so: three parameters, found by least squares on the grey levels
-where the disparity is known. A yaw is not: it looks like another depth. (Not in the paper.)
+Where a rig has moved since its calibration, a point no longer lies on the same row of both views. A
+pitch, a roll and a change of focal length between the cameras are seen so: three parameters, found
+by least squares on the grey levels where the disparity is known. A yaw is not: it looks like
+another depth. (Not in the paper.)
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +22,8 @@ SLOPE_TAPS = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12
 ROUNDS = 4
 CONVERGED_PX = 0.005
 SIGNIFICANT_PX, SIGNIFICANT_SIGMAS = 0.02, 4.0
-"""A smaller shift, or one that is less certain, is none: to resample the image would cost more than it mends."""
+"""A smaller shift, or one that is less certain, is none: to resample the image would cost more than
+it mends."""
 DOUBTFUL = 2.4
 """A residual of this many deviations of the noise counts half."""
 RIDGE = 1e-6
@@ -28,7 +31,9 @@ RIDGE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class RowShift:
-    """The right image shows on row y + offset + along_x (x - x0) + along_y (y - y0) what belongs on row y [px]."""
+    """The right image shows on row y + offset + along_x (x - x0) + along_y (y - y0) what belongs
+    on row y [px].
+    """
 
     offset: float = 0.0
     """[px]"""
@@ -41,7 +46,9 @@ class RowShift:
     y0: float = 0.0
     """[px]"""
 
-    def at(self, x: Shaped[np.ndarray, "*n"], y: Shaped[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    def at(
+        self, x: Shaped[np.ndarray, "*n"], y: Shaped[np.ndarray, "*n"]
+    ) -> Float[np.ndarray, "*n"]:
         """The shift at pixels of the right image [px]."""
         return self.offset + self.along_x * (x - self.x0) + self.along_y * (y - self.y0)
 
@@ -51,14 +58,20 @@ class RowShift:
         return bool(self.offset or self.along_x or self.along_y)
 
     def undone(self, right: Shaped[np.ndarray, "h w"], rows: slice) -> Shaped[np.ndarray, "h w"]:
-        """The right image with its `rows` put where they belong; the image itself where nothing is off."""
+        """The right image with its `rows` put where they belong; the image itself where nothing
+        is off.
+        """
         if not self.is_seen:
             return right
         height, width = right.shape
         y, x = np.mgrid[rows.start : min(rows.stop, height), 0:width].astype(np.float32)
         image = right.astype(np.float32)
         image[rows] = cv2.remap(
-            image, x, y + self.at(x, y).astype(np.float32), cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE
+            image,
+            x,
+            y + self.at(x, y).astype(np.float32),
+            cv2.INTER_LANCZOS4,
+            borderMode=cv2.BORDER_REPLICATE,
         )
         return image
 
@@ -82,7 +95,9 @@ def row_shift(
         shift: What is known of it before.
     """
     for _ in range(ROUNDS):
-        change, significant = _change(left, shift.undone(right, region.rows), region, disparity, inside)
+        change, significant = _change(
+            left, shift.undone(right, region.rows), region, disparity, inside
+        )
         if not (significant or shift.is_seen):
             return shift
         shift = RowShift(
@@ -104,9 +119,13 @@ def _change(
     disparity: Float[np.ndarray, "cells pixels"],
     inside: Bool[np.ndarray, "cells pixels"],
 ) -> tuple[RowShift, bool]:
-    """One Gauss-Newton step on left - gain * right(x - d, y + shift) - bias, and whether it stands out of the noise."""
+    """One Gauss-Newton step on left - gain * right(x - d, y + shift) - bias, and whether it
+    stands out of the noise.
+    """
     levels = GreyLevels.cut(left, right, region)
-    slopes = replace(levels, right_splines=correlate1d(levels.right_splines, SLOPE_TAPS, axis=0, mode="nearest"))
+    slopes = replace(
+        levels, right_splines=correlate1d(levels.right_splines, SLOPE_TAPS, axis=0, mode="nearest")
+    )
     value, slope = levels.right_at(disparity)[0], slopes.right_at(disparity)[0]
     gain, bias = line_fit(value, levels.left, inside.astype(float))
     residual = (levels.left - gain * value - bias)[inside]
@@ -115,13 +134,17 @@ def _change(
     middle = x.mean(), y.mean()
     size = max(float(np.ptp(x)), float(np.ptp(y)), 1.0)
     design = (
-        gain * slope[inside][:, None] * np.stack([np.ones_like(x), (x - middle[0]) / size, (y - middle[1]) / size], 1)
+        gain
+        * slope[inside][:, None]
+        * np.stack([np.ones_like(x), (x - middle[0]) / size, (y - middle[1]) / size], 1)
     )
     weighted = design * cauchy_weight(residual, DOUBTFUL * noise)[:, None]
     information = weighted.T @ design + RIDGE * np.eye(3)
     found = np.linalg.solve(information, weighted.T @ residual)
     sigma = noise * np.sqrt(np.diag(np.linalg.inv(information)))
-    significant = bool(np.any(np.abs(found) > np.maximum(SIGNIFICANT_PX, SIGNIFICANT_SIGMAS * sigma)))
+    significant = bool(
+        np.any(np.abs(found) > np.maximum(SIGNIFICANT_PX, SIGNIFICANT_SIGMAS * sigma))
+    )
     shift = RowShift(
         offset=float(found[0]), along_x=float(found[1] / size), along_y=float(found[2] / size),
         x0=float(middle[0]), y0=float(middle[1]),

@@ -1,7 +1,8 @@
 """A bicubic B-spline field over an image region, and the banded normal equations of fits to it.
 
-The region is tiled by square cells. All pixels of a cell depend on the same 16 coefficients, through weights that are
-the same in every cell: evaluating the field and summing normal equations are products with one small matrix.
+The region is tiled by square cells. All pixels of a cell depend on the same 16 coefficients,
+through weights that are the same in every cell: evaluating the field and summing normal equations
+are products with one small matrix.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,9 @@ from breastscan.vision.refining.banded import inverse_within_band, product
 
 @dataclass(frozen=True, kw_only=True)
 class SplineField:
-    """`rows` x `columns` cells of `spacing` x `spacing` pixels; coefficients are numbered row by row."""
+    """`rows` x `columns` cells of `spacing` x `spacing` pixels; coefficients are numbered row by
+    row.
+    """
 
     rows: int
     columns: int
@@ -37,7 +40,12 @@ class SplineField:
     def weights(self) -> Float[np.ndarray, "pixels 16"]:
         """Weight of each of a cell's coefficients at each of its pixels."""
         t = (np.arange(self.spacing) + 0.5) / self.spacing
-        along = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (t + t**2 - t**3) + 1, t**3], axis=-1) / 6
+        along = (
+            np.stack(
+                [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, 3 * (t + t**2 - t**3) + 1, t**3], axis=-1
+            )
+            / 6
+        )
         return np.einsum("yi,xj->yxij", along, along).reshape(-1, 16)
 
     @cached_property
@@ -56,14 +64,22 @@ class SplineField:
         sums = product(values, self.weights)
         return np.bincount(self.coefficients_of.ravel(), weights=sums.ravel(), minlength=self.size)
 
-    def normal_matrix(self, values: Float[np.ndarray, "cells pixels"]) -> Float[np.ndarray, "n band"]:
-        """The sum over pixels of value times the products of weights, banded as `banded.py` has it."""
+    def normal_matrix(
+        self, values: Float[np.ndarray, "cells pixels"]
+    ) -> Float[np.ndarray, "n band"]:
+        """The sum over pixels of value times the products of weights, banded as `banded.py` has
+        it.
+        """
         sums = product(values, self._weight_products)
-        band = np.bincount(self._band_position.ravel(), weights=sums.ravel(), minlength=self._band_size)
+        band = np.bincount(
+            self._band_position.ravel(), weights=sums.ravel(), minlength=self._band_size
+        )
         return band.reshape(self.size, self.bandwidth + 1)
 
     def variance(self, factor: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "cells pixels"]:
-        """Variance of the field at every pixel; its coefficients' covariance is (U^T U)^-1 of the banded `factor` U."""
+        """Variance of the field at every pixel; its coefficients' covariance is (U^T U)^-1 of
+        the banded `factor` U.
+        """
         covariance = inverse_within_band(factor)
         i, j = np.tril_indices(16)
         occurrences = np.where(i == j, 1.0, 2.0)  # below and above the diagonal
@@ -72,7 +88,9 @@ class SplineField:
 
     @cached_property
     def bending(self) -> sparse.csr_array:
-        """Matrix of the sum of squared third differences of the coefficients: locally quadratic domes cost nothing."""
+        """Matrix of the sum of squared third differences of the coefficients: locally quadratic
+        domes cost nothing.
+        """
         along_y, along_x = _differences(self.rows + 3), _differences(self.columns + 3)
         energy = sparse.csr_array((self.size, self.size))
         for order, multiplicity in enumerate((1, 3, 3, 1)):
@@ -96,7 +114,11 @@ class SplineField:
     def to_region(self, cells: Shaped[np.ndarray, "cells pixels"]) -> Shaped[np.ndarray, "h w"]:
         """The inverse of `to_cells`."""
         s = self.spacing
-        return cells.reshape(self.rows, self.columns, s, s).swapaxes(1, 2).reshape(self.rows * s, self.columns * s)
+        return (
+            cells.reshape(self.rows, self.columns, s, s)
+            .swapaxes(1, 2)
+            .reshape(self.rows * s, self.columns * s)
+        )
 
     @cached_property
     def _weight_products(self) -> Float[np.ndarray, "pixels 136"]:
@@ -118,7 +140,9 @@ class SplineField:
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """The part of the image that the field covers; it may reach beyond the right and lower borders."""
+    """The part of the image that the field covers; it may reach beyond the right and lower
+    borders.
+    """
 
     top: int
     """First row [px]."""
@@ -144,7 +168,9 @@ class Region:
         """Columns of the image."""
         return slice(self.left, self.left + self.field.columns * self.field.spacing)
 
-    def cut(self, image: Shaped[np.ndarray, "h w"], fill: float | bool) -> Shaped[np.ndarray, "rows columns"]:
+    def cut(
+        self, image: Shaped[np.ndarray, "h w"], fill: float | bool
+    ) -> Shaped[np.ndarray, "rows columns"]:
         """The region's pixels, `fill` beyond the image's border."""
         part = image[self.rows, self.columns]
         whole = (self.rows.stop - self.rows.start, self.columns.stop - self.columns.start)

@@ -11,15 +11,28 @@ from breastscan.vision.camera import Intrinsics, StereoRig
 def write_camera_info(folder: Path, rig: StereoRig) -> None:
     """Write `left_camera_info.yaml` and `right_camera_info.yaml`, lengths in metres.
 
-    The projection matrices are those of the rectified pair: the right one holds minus focal length times baseline.
+    The projection matrices are those of the rectified pair: the right one holds minus focal length
+    times baseline.
     """
     size = (rig.left.width, rig.left.height)
     R_left, R_right, P_left, P_right, *_ = cv2.stereoRectify(
-        rig.left.K, rig.left.distortion, rig.right.K, rig.right.distortion, size, rig.X_RL[:3, :3], rig.X_RL[:3, 3],
-        flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1,
-    )  # fmt: skip
-    for side, camera, R, P in (("left", rig.left, R_left, P_left), ("right", rig.right, R_right, P_right)):
-        (folder / f"{side}_camera_info.yaml").write_text(_camera_info(side, camera, R, P), encoding="utf-8")
+        rig.left.K,
+        rig.left.distortion,
+        rig.right.K,
+        rig.right.distortion,
+        size,
+        rig.X_RL[:3, :3],
+        rig.X_RL[:3, 3],
+        flags=cv2.CALIB_ZERO_DISPARITY,
+        alpha=-1,
+    )
+    for side, camera, R, P in (
+        ("left", rig.left, R_left, P_left),
+        ("right", rig.right, R_right, P_right),
+    ):
+        (folder / f"{side}_camera_info.yaml").write_text(
+            _camera_info(side, camera, R, P), encoding="utf-8"
+        )
 
 
 def _camera_info(side: str, camera: Intrinsics, R: np.ndarray, P: np.ndarray) -> str:

@@ -1,4 +1,6 @@
-"""A program's tree to flat code: what each statement does. `expressions` has what it computes, `code` writes."""
+"""A program's tree to flat code: what each statement does. `expressions` has what it computes,
+`code` writes.
+"""
 
 from collections.abc import Generator, Mapping
 
@@ -25,7 +27,9 @@ def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None
     return (yield from compile_program(tree, functions))
 
 
-def compile_program(program: Routine, functions: Mapping[str, Function]) -> Generator[None, None, Script]:
+def compile_program(
+    program: Routine, functions: Mapping[str, Function]
+) -> Generator[None, None, Script]:
     """Compile a tree; waits after every statement.
 
     Args:
@@ -36,20 +40,29 @@ def compile_program(program: Routine, functions: Mapping[str, Function]) -> Gene
         ScriptError: It calls what does not exist, reads what is never assigned, or nests too deep.
     """
     if program.kind == "thread":
-        raise ScriptError(f"a program begins with `def name():`, got thread {program.name}", None, program.line)
+        raise ScriptError(
+            f"a program begins with `def name():`, got thread {program.name}", None, program.line
+        )
     if program.parameters:
-        raise ScriptError(f"a program has no parameters, got {len(program.parameters)}", None, program.line)
+        raise ScriptError(
+            f"a program has no parameters, got {len(program.parameters)}", None, program.line
+        )
     routines: dict[str, Routine] = {}
     shared: dict[str, int] = {}
     for level, statement in statements(program.body, 1):
         if isinstance(statement, Routine):
             routines[statement.name] = statement
         name = assigned(statement)
-        if name and (level == 1 or (isinstance(statement, syntax.Declaration) and statement.scope == "global")):
+        if name and (
+            level == 1
+            or (isinstance(statement, syntax.Declaration) and statement.scope == "global")
+        ):
             shared.setdefault(name, len(shared))
         yield
     if len(shared) > MOST_VARIABLES:
-        raise ScriptError(f"a program has {MOST_VARIABLES} global variables at most", None, program.line)
+        raise ScriptError(
+            f"a program has {MOST_VARIABLES} global variables at most", None, program.line
+        )
     world = World(functions, routines, shared, [UNSET] * len(shared))
     codes = world.codes
     codes[program.name] = main = Code(program.name, "main")
@@ -110,7 +123,11 @@ class _Statements:
             case syntax.Loop():
                 yield from self._loop(statement)
             case syntax.Return():
-                value = constant(None) if statement.value is None else self._expressions.value(statement.value)
+                value = (
+                    constant(None)
+                    if statement.value is None
+                    else self._expressions.value(statement.value)
+                )
                 self._writer.emit(lambda slots, thread: thread.leave(value(slots)))
             case syntax.Word():
                 self._word(statement.word)

@@ -1,7 +1,8 @@
-"""Expressions as closures of a routine's variables; what may take long in them goes before, as steps.
+"""Expressions as closures of a routine's variables; what may take long in them goes before, as
+steps.
 
-A call that may wait, or run long (of a routine of the program, or of a function of the controller), is a step of its
-own, whose result an expression reads from a variable without a name.
+A call that may wait, or run long (of a routine of the program, or of a function of the controller),
+is a step of its own, whose result an expression reads from a variable without a name.
 """
 
 from collections.abc import Mapping
@@ -42,7 +43,9 @@ class Expressions:
             writer: Of the routine's steps.
             variables: The slots of its own variables, by name.
         """
-        self._world, self._writer, self._locals = world, writer, variables
+        self._world = world
+        self._writer = writer
+        self._locals = variables
 
     def value(self, expression: Expression) -> Evaluate:
         """A closure for an expression; steps for the calls in it go before."""
@@ -96,7 +99,10 @@ class Expressions:
 
     def values(self, expressions: tuple[Expression, ...]) -> list[Evaluate]:
         """Several, evaluated from left to right, calls included."""
-        last = max((k for k, expression in enumerate(expressions) if self._takes_steps(expression)), default=0)
+        last = max(
+            (k for k, expression in enumerate(expressions) if self._takes_steps(expression)),
+            default=0,
+        )
         values: list[Evaluate] = []
         for k, expression in enumerate(expressions):
             value = self.value(expression)
@@ -118,7 +124,8 @@ class Expressions:
         operate = BINARY[expression.operator]
         if isinstance(expression.right, syntax.Constant):
             constant = expression.right.value
-            if expression.operator == "==" and is_number(constant):  # what a program that waits for commands does most
+            # what a program that waits for commands does most
+            if expression.operator == "==" and is_number(constant):
 
                 def compare(slots: Slots) -> bool:
                     value = left(slots)
@@ -174,12 +181,16 @@ class Expressions:
 
     def _call_routine(self, call: syntax.Call, routine: Routine) -> Evaluate:
         if (routine.kind == "thread") is not call.run:
-            raise self._writer.error(f"threads are run, functions called: {routine.kind} {shown(call.name)}", call.line)
+            raise self._writer.error(
+                f"threads are run, functions called: {routine.kind} {shown(call.name)}", call.line
+            )
         code = self._world.codes[call.name]
         defaults = {name: value for name, value in routine.parameters if value is not None}
         placed = self._placed(call, [name for name, _ in routine.parameters], defaults)
         if not all(map(_is_constant, defaults.values())):
-            raise self._writer.error(f"the defaults of {shown(call.name)} are not constants", routine.line)
+            raise self._writer.error(
+                f"the defaults of {shown(call.name)} are not constants", routine.line
+            )
         arguments = self.values(placed)
         formula = None if call.run else self._formula(call.name)
         if formula is not None:
@@ -203,7 +214,9 @@ class Expressions:
 
     def _call_function(self, call: syntax.Call, function: Function) -> Evaluate:
         parameters = function.parameters
-        defaults = {p.name: syntax.Constant(p.default) for p in parameters if p.default is not REQUIRED}
+        defaults = {
+            p.name: syntax.Constant(p.default) for p in parameters if p.default is not REQUIRED
+        }
         placed = self._placed(call, [parameter.name for parameter in parameters], defaults)
         values = self.values(placed)
         arguments = [
@@ -227,7 +240,9 @@ class Expressions:
         self._writer.emit(wait if function.waits else take_long)
         return lambda slots: slots[at]
 
-    def _checked(self, function: Function, parameter: Parameter, expression: Expression, value: Evaluate) -> Evaluate:
+    def _checked(
+        self, function: Function, parameter: Parameter, expression: Expression, value: Evaluate
+    ) -> Evaluate:
         """The argument as the function gets it."""
         take = parameter.kind.take
         if isinstance(expression, syntax.Constant):
@@ -251,11 +266,19 @@ class Expressions:
         """The arguments in the order of the parameters."""
         given = dict(zip(names, call.arguments, strict=False))
         named = dict(call.named)
-        if len(call.arguments) > len(names) or len(named) < len(call.named) or given.keys() & named.keys():
-            raise self._writer.error(f"{shown(call.name)} takes {len(names)} arguments: {', '.join(names)}", call.line)
+        if (
+            len(call.arguments) > len(names)
+            or len(named) < len(call.named)
+            or given.keys() & named.keys()
+        ):
+            raise self._writer.error(
+                f"{shown(call.name)} takes {len(names)} arguments: {', '.join(names)}", call.line
+            )
         given |= named
         for name in given.keys() - set(names):
-            raise self._writer.error(f"{shown(call.name)} has no parameter {shown(name)}", call.line)
+            raise self._writer.error(
+                f"{shown(call.name)} has no parameter {shown(name)}", call.line
+            )
         for name in names:
             if name not in given and name not in defaults:
                 raise self._writer.error(f"{shown(call.name)} lacks its argument {name}", call.line)
@@ -269,10 +292,11 @@ class Expressions:
         return function is not None and function.is_step
 
     def _formula(self, name: str) -> Evaluate | None:
-        """What a routine computes of its arguments, where it is one short expression that calls no other routine.
+        """What a routine computes of its arguments, where it is one short expression that calls no
+        other routine.
 
-        It is computed in place then: of the routines that clients upload most are such, and steps cost five times
-        as much.
+        It is computed in place then: of the routines that clients upload most are such, and steps
+        cost five times as much.
         """
         world = self._world
         if name not in world.formulas:
@@ -281,13 +305,21 @@ class Expressions:
         return world.formulas[name]
 
     def _is_formula(self, body: syntax.Block) -> bool:
-        if len(body) != 1 or not isinstance(body[0], syntax.Return | syntax.Evaluation) or body[0].value is None:
+        if (
+            len(body) != 1
+            or not isinstance(body[0], syntax.Return | syntax.Evaluation)
+            or body[0].value is None
+        ):
             return False
         if len(list(islice(nodes(body[0].value), LONGEST_FORMULA + 1))) > LONGEST_FORMULA:
             return False
         names = [call.name for call in calls(body[0].value)]
-        known = [self._world.functions.get(name) for name in names if name not in self._world.routines]
-        return len(known) == len(names) and all(function and not function.is_step for function in known)
+        known = [
+            self._world.functions.get(name) for name in names if name not in self._world.routines
+        ]
+        return len(known) == len(names) and all(
+            function and not function.is_step for function in known
+        )
 
 
 def _formula(world: World, name: str) -> Evaluate:

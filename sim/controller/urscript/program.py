@@ -1,8 +1,9 @@
-"""A program as it runs: flat code, and threads that take turns, each up to its next wait or the end of its time.
+"""A program as it runs: flat code, and threads that take turns, each up to its next wait or the end
+of its time.
 
-Each routine is a list of steps, each a Python closure that says which one is next: a thread can be left between any two
-of them and taken up again, and nothing recurses. [UR-script, "Thread scheduling"]: a thread that uses up its slice of
-the period goes on in the next one.
+Each routine is a list of steps, each a Python closure that says which one is next: a thread can be
+left between any two of them and taken up again, and nothing recurses. [UR-script, "Thread
+scheduling"]: a thread that uses up its slice of the period goes on in the next one.
 """
 
 import time
@@ -15,8 +16,9 @@ from sim.controller.urscript.values import ScriptError, Value, shown
 PERIOD_STEPS = 3000
 """Of all threads in a period: about half of it, if nothing in them is costly."""
 SLICE = 0.01
-"""Processor time of all threads in a period, after which what is costly waits for the next one as well
-[s]: fifty times what a client's program takes, so that it never depends on the machine when one ends."""
+"""Processor time of all threads in a period, after which what is costly waits for the next one as
+well [s]: fifty times what a client's program takes, so that it never depends on the machine when
+one ends."""
 BETWEEN_LOOKS = 10
 """Steps between two looks at that time, if none is costly."""
 DEEPEST_CALL = 100
@@ -25,9 +27,11 @@ MOST_THREADS = 50
 """Of a program in a period, those that end in it included."""
 MOST_SLOTS = 10_000
 """Variables of all routines that have begun and not ended."""
-MOVED, WAITING, LOOK = -1, -2, -3
-"""In place of the next step: the thread is in another routine now; it waits for the next period; what
-it did was costly, so that the clock is looked at before the next step."""
+MOVED = -1
+WAITING = -2
+LOOK = -3
+"""In place of the next step: the thread is in another routine now; it waits for the next period;
+what it did was costly, so that the clock is looked at before the next step."""
 UNSET = object()
 """What a variable holds before it has a value."""
 
@@ -87,7 +91,8 @@ class Program:
         return self._main.alive
 
     def step(self) -> None:
-        """One period: a turn for every thread, while there is time; those that start in it have theirs as well.
+        """One period: a turn for every thread, while there is time; those that start in it have
+        theirs as well.
 
         Raises:
             ScriptError: What the program does is not possible.
@@ -101,7 +106,8 @@ class Program:
             if not self.running or self.suspended:
                 return
             if time.thread_time() > end:
-                self._threads = self._threads[k + 1 :] + self._threads[: k + 1]  # the others begin the next period
+                # the others begin the next period
+                self._threads = self._threads[k + 1 :] + self._threads[: k + 1]
                 break
         self._threads = [thread for thread in self._threads if thread.alive]
 
@@ -109,7 +115,8 @@ class Program:
         """Stop all threads."""
         for thread in self._threads:
             thread.end()
-        self._variables[:] = [UNSET] * len(self._variables)  # the script may be kept, what it knew may be large
+        # the script may be kept, what it knew may be large
+        self._variables[:] = [UNSET] * len(self._variables)
 
     def start(self, code: Code, slots: Slots) -> "Thread":
         """A new thread.
@@ -139,11 +146,14 @@ class Thread:
     """One thread of a program: what the compiler's steps run on."""
 
     def __init__(self, program: Program, code: Code, slots: Slots) -> None:
-        self._program, self._code, self._slots = program, code, slots
+        self._program = program
+        self._code = code
+        self._slots = slots
         self._at = 0
         """The step that comes next."""
         self._callers: list[tuple[Code, Slots, int, int]] = []
-        """Routines that wait for this one: their step that comes next, and the slot for what they get."""
+        """Routines that wait for this one: their step that comes next, and the slot for what they
+        get."""
         self._waiting: Generator[None, None, Value] | None = None
         """A function of the controller that takes time."""
         self._back, self._result = 0, 0
@@ -154,7 +164,8 @@ class Thread:
         return f"thread {self._code.name}"
 
     def turn(self, steps: int, end: float) -> int:
-        """Go on to the next wait; so many steps at most, and until `end` of the processor's time [s]. How many it took.
+        """Go on to the next wait; so many steps at most, and until `end` of the processor's time
+        [s]. How many it took.
 
         Raises:
             ScriptError: What the thread does is not possible; with its line.
@@ -168,7 +179,8 @@ class Thread:
         except ScriptError as error:
             error.line = error.line or self._line
             raise
-        except Exception as error:  # the border: whatever a program brings about ends it, and no more
+        # the border: whatever a program brings about ends it, and no more
+        except Exception as error:
             raise ScriptError(str(error) or repr(error), error, self._line) from error
         return taken
 
@@ -186,12 +198,16 @@ class Thread:
     # ---- what steps do ----
 
     def enter(self, code: Code, slots: Slots, back: int, result: int) -> int:
-        """Go into a routine; its value goes to the slot `result` of this one, which goes on at the step `back`."""
+        """Go into a routine; its value goes to the slot `result` of this one, which goes on at
+        the step `back`.
+        """
         if len(self._callers) >= DEEPEST_CALL:
             raise ScriptError(f"functions call each other more than {DEEPEST_CALL} deep")
         self._program.grow(len(slots))
         self._callers.append((self._code, self._slots, back, result))
-        self._code, self._slots, self._at = code, slots, 0
+        self._code = code
+        self._slots = slots
+        self._at = 0
         return MOVED
 
     def leave(self, value: Value) -> int:
@@ -206,7 +222,9 @@ class Thread:
 
     def wait(self, waiting: Generator[None, None, Value], back: int, result: int) -> int:
         """Wait until a function is done, then go on at the step `back`, likewise."""
-        self._waiting, self._back, self._result = waiting, back, result
+        self._waiting = waiting
+        self._back = back
+        self._result = result
         return WAITING
 
     def look(self, back: int) -> int:
@@ -219,7 +237,9 @@ class Thread:
         return self._program.start(code, slots)
 
     def stop(self, thread: Value) -> bool:
-        """End a thread, where it is one: clients in use kill what they have not run. Whether this one goes on."""
+        """End a thread, where it is one: clients in use kill what they have not run. Whether
+        this one goes on.
+        """
         if isinstance(thread, Thread):
             thread.end()
         return self.alive
@@ -264,14 +284,18 @@ class Thread:
 
     def _go(self, most: int) -> int:
         """So many steps at most, up to a wait. How many were taken."""
-        steps, slots, at = self._code.steps, self._slots, self._at
+        steps = self._code.steps
+        slots = self._slots
+        at = self._at
         try:
             for taken in range(1, most + 1):
                 following = steps[at](slots, self)
                 if following >= 0:
                     at = following
                 elif following == MOVED:
-                    steps, slots, at = self._code.steps, self._slots, self._at
+                    steps = self._code.steps
+                    slots = self._slots
+                    at = self._at
                 else:
                     at = self._at if following == LOOK else at
                     return taken

@@ -1,4 +1,6 @@
-"""How a function of the controller is described to programs: its name, its parameters and what it does."""
+"""How a function of the controller is described to programs: its name, its parameters and what
+it does.
+"""
 
 import math
 from collections.abc import Callable, Iterable
@@ -20,7 +22,8 @@ from sim.controller.urscript.values import (
 REQUIRED: Any = object()
 """In place of a default: there is none."""
 LARGEST_COORDINATE = 1e6
-"""In a list that stands for a place, a speed or a force: nothing of an arm is larger, in whatever unit."""
+"""In a list that stands for a place, a speed or a force: nothing of an arm is larger, in whatever
+unit."""
 REFUSED: Any = object()
 """In place of an argument: the parameter takes no such value."""
 
@@ -51,9 +54,11 @@ class Function:
     call: Callable[..., Any]
     parameters: tuple[Parameter, ...]
     waits: bool = False
-    """Whether it takes simulated time: `call` makes a generator then, which waits for a period at each `yield`."""
+    """Whether it takes simulated time: `call` makes a generator then, which waits for a period at
+    each `yield`."""
     costly: bool = False
-    """Whether it takes more than some microseconds of the processor: the clock is looked at after it."""
+    """Whether it takes more than some microseconds of the processor: the clock is looked at after
+    it."""
 
     @property
     def is_step(self) -> bool:
@@ -62,11 +67,17 @@ class Function:
 
     def refusal(self, parameter: Parameter, value: Value) -> ScriptError:
         """What is said of an argument that a parameter does not take."""
-        return ScriptError(f"{self.name}: {parameter.name} is {parameter.kind.name}, got {shown(value)}", value)
+        return ScriptError(
+            f"{self.name}: {parameter.name} is {parameter.kind.name}, got {shown(value)}", value
+        )
 
 
 def row(
-    name: str, call: Callable[..., Any], *parameters: Parameter, waits: bool = False, costly: bool = False
+    name: str,
+    call: Callable[..., Any],
+    *parameters: Parameter,
+    waits: bool = False,
+    costly: bool = False,
 ) -> Function:
     """A function of the controller, as a row of a table."""
     return Function(name, call, parameters, waits, costly)

@@ -35,7 +35,9 @@ class Splitter:
             if program:
                 complete.append(program)
         if self._length + len(self._rest) > LONGEST_PROGRAM:
-            raise ScriptError(f"a program has {LONGEST_PROGRAM} characters at most", None, len(self._lines))
+            raise ScriptError(
+                f"a program has {LONGEST_PROGRAM} characters at most", None, len(self._lines)
+            )
         return complete
 
     def _add(self, line: str) -> str:
@@ -49,7 +51,9 @@ class Splitter:
         if self._depth > 0:
             return ""
         program = "\n".join(self._lines)
-        self._lines, self._depth, self._length = [], 0, 0
+        self._lines = []
+        self._depth = 0
+        self._length = 0
         return program
 
 

@@ -12,14 +12,22 @@ from typing import Any, ClassVar
 from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
-from sim.controller.urscript.values import LARGEST_INTEGER, LONGEST_STRING, ScriptError, is_number, shown
+from sim.controller.urscript.values import (
+    LARGEST_INTEGER,
+    LONGEST_STRING,
+    ScriptError,
+    is_number,
+    shown,
+)
 
 DEEPEST = 60
 """Brackets in brackets, operators on operators, and blocks in blocks."""
 LONGEST_STATEMENT = 2500
 """Words up to the end of a line: nothing waits within a statement."""
 POSE_LENGTH = 6
-CONTINUED = frozenset({"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"})
+CONTINUED = frozenset(
+    {"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"}
+)
 """Words behind which a line goes on."""
 OPENING, CLOSING = frozenset({"LSQB", "LPAR"}), frozenset({"RSQB", "RPAR"})
 
@@ -190,7 +198,9 @@ class Routine:
     line: int
 
 
-Statement = Evaluation | Assignment | Declaration | Condition | Loop | Return | Word | ThreadEnd | Routine
+Statement = (
+    Evaluation | Assignment | Declaration | Condition | Loop | Return | Word | ThreadEnd | Routine
+)
 Block = tuple[Statement, ...]
 
 
@@ -208,7 +218,9 @@ def parse(source: str) -> Generator[None, None, Routine]:
             yield
         return parser.feed_eof()
     except UnexpectedCharacters as error:
-        raise ScriptError(f"syntax error at {shown(source[error.pos_in_stream])}", None, error.line) from None
+        raise ScriptError(
+            f"syntax error at {shown(source[error.pos_in_stream])}", None, error.line
+        ) from None
     except UnexpectedToken as error:
         raise _unexpected(error, line) from None
     except UnexpectedInput as error:
@@ -232,11 +244,15 @@ class _Lines:
     always_accept = ("_NL",)
 
     def process(self, stream: Iterator[Token]) -> Iterator[Token]:
-        brackets, words, last = 0, 0, ""
+        brackets = 0
+        words = 0
+        last = ""
         for token in stream:
             words += 1
             if words > LONGEST_STATEMENT:
-                raise ScriptError(f"a statement has {LONGEST_STATEMENT} words at most", None, _line(token))
+                raise ScriptError(
+                    f"a statement has {LONGEST_STATEMENT} words at most", None, _line(token)
+                )
             if token.type in OPENING:
                 brackets += 1
                 if brackets > DEEPEST:
@@ -259,12 +275,16 @@ class _Tree(Transformer):
         if not token.isdigit():
             return Constant(float(token))
         if len(token) > len(str(LARGEST_INTEGER)) or int(token) > LARGEST_INTEGER:
-            raise ScriptError(f"{shown(token)} is larger than an integer can be", None, _line(token))
+            raise ScriptError(
+                f"{shown(token)} is larger than an integer can be", None, _line(token)
+            )
         return Constant(int(token))
 
     def string(self, token: Token) -> Constant:
         if len(token) > LONGEST_STRING:
-            raise ScriptError(f"a string has {LONGEST_STRING} characters at most", None, _line(token))
+            raise ScriptError(
+                f"a string has {LONGEST_STRING} characters at most", None, _line(token)
+            )
         return Constant(str(token[1:-1]))
 
     def true(self, token: Token) -> Constant:
@@ -302,7 +322,9 @@ class _Tree(Transformer):
         return _call(name, arguments, run=True)
 
     def member(self, value: Expression, name: Token) -> Expression:
-        raise ScriptError(f"members of a value (.{shown(name)}) are not known here", None, _line(name))
+        raise ScriptError(
+            f"members of a value (.{shown(name)}) are not known here", None, _line(name)
+        )
 
     def method(self, value: Expression, name: Token, arguments: tuple) -> Expression:
         return self.member(value, name)
@@ -333,7 +355,9 @@ class _Tree(Transformer):
             return Assignment(target.name, (), value, target.line)
         if isinstance(target, Index) and isinstance(target.value, Name):
             return Assignment(target.value.name, target.places, value, target.value.line)
-        raise ScriptError("only variables and their elements can be assigned to", None, _line_of(target))
+        raise ScriptError(
+            "only variables and their elements can be assigned to", None, _line_of(target)
+        )
 
     def declaration(self, scope: Token, name: Token, value: Expression | None) -> Declaration:
         return Declaration(str(scope), str(name), value, _line(scope))
@@ -341,7 +365,9 @@ class _Tree(Transformer):
     def condition(self, *parts: Any) -> Condition:
         *branches, _, otherwise, _ = parts  # each of three: word, condition, block
         triples = zip(branches[0::3], branches[1::3], branches[2::3], strict=True)
-        return Condition(tuple((test, block, _line(word)) for word, test, block in triples), otherwise or ())
+        return Condition(
+            tuple((test, block, _line(word)) for word, test, block in triples), otherwise or ()
+        )
 
     def loop(self, word: Token, condition: Expression, body: Block, end: Token) -> Loop:
         return Loop(condition, body, _line(word))
@@ -351,7 +377,9 @@ class _Tree(Transformer):
 
     parameters = list
 
-    def routine(self, kind: Token, name: Token, parameters: tuple, body: Block, end: Token) -> Routine:
+    def routine(
+        self, kind: Token, name: Token, parameters: tuple, body: Block, end: Token
+    ) -> Routine:
         return Routine(str(kind), str(name), parameters, body, _line(kind))
 
     program = routine
@@ -387,7 +415,9 @@ def _call(name: Token, arguments: tuple, *, run: bool = False) -> Call:
     named = [isinstance(argument, tuple) for argument in arguments]
     first = named.index(True) if True in named else len(named)
     if not all(named[first:]):
-        raise ScriptError(f"{shown(name)}: arguments without a name come before those with one", None, _line(name))
+        raise ScriptError(
+            f"{shown(name)}: arguments without a name come before those with one", None, _line(name)
+        )
     pairs = tuple((str(key), value) for key, value in arguments[first:])
     plain = arguments[:first]
     depth = _depth(*plain, *(value for _, value in pairs))
@@ -419,5 +449,12 @@ def make_ready() -> None:
 @cache
 def _parser() -> Lark:
     grammar = (files("sim.controller.urscript") / "grammar.lark").read_text(encoding="utf-8")
-    return Lark(grammar, parser="lalr", lexer="basic", start="program", postlex=_Lines(), transformer=_Tree(),
-                maybe_placeholders=True)  # fmt: skip
+    return Lark(
+        grammar,
+        parser="lalr",
+        lexer="basic",
+        start="program",
+        postlex=_Lines(),
+        transformer=_Tree(),
+        maybe_placeholders=True,
+    )

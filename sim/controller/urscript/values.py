@@ -1,7 +1,8 @@
-"""What URScript computes with: numbers, booleans, strings, lists, poses and threads, and their operators.
+"""What URScript computes with: numbers, booleans, strings, lists, poses and threads, and their
+operators.
 
-Values never change: to assign to an element makes a new list, so that no two variables share one. All have bounds, as
-on a controller that allocates nothing while it runs.
+Values never change: to assign to an element makes a new list, so that no two variables share one.
+All have bounds, as on a controller that allocates nothing while it runs.
 """
 
 import math
@@ -93,7 +94,9 @@ def make_string(parts: Iterable[Value]) -> str:
     """
     text = "".join(map(as_text, parts))
     if len(text) > LONGEST_STRING:
-        raise ScriptError(f"a string has {LONGEST_STRING} characters at most, got {len(text)}", len(text))
+        raise ScriptError(
+            f"a string has {LONGEST_STRING} characters at most, got {len(text)}", len(text)
+        )
     return text
 
 
@@ -181,7 +184,9 @@ def _arithmetic(name: str, compute: Callable[[Any, Any], Any]) -> Callable[[Valu
     """An operator on numbers; on lists, element by element."""
 
     def apply(a: Value, b: Value) -> Value:
-        if (a.__class__ is float or a.__class__ is int) and (b.__class__ is float or b.__class__ is int):
+        if (a.__class__ is float or a.__class__ is int) and (
+            b.__class__ is float or b.__class__ is int
+        ):
             result = compute(a, b)
             if result.__class__ is int and not -LARGEST_INTEGER - 1 <= result <= LARGEST_INTEGER:
                 raise ScriptError(f"integer overflow: {a} {name} {b}", result)
@@ -229,7 +234,12 @@ BINARY: dict[str, Callable[[Value, Value], Value]] = {
     },
     **{
         name: _order(name, compare)
-        for name, compare in {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}.items()
+        for name, compare in {
+            "<": operator.lt,
+            "<=": operator.le,
+            ">": operator.gt,
+            ">=": operator.ge,
+        }.items()
     },
     "==": equal,
     "!=": lambda a, b: not equal(a, b),

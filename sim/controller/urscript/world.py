@@ -51,7 +51,9 @@ def calls(expression: Expression) -> Iterator[syntax.Call]:
     return (node for node in nodes(expression) if isinstance(node, syntax.Call))
 
 
-def statements(block: syntax.Block, level: int, depth: int = 0) -> Iterator[tuple[int, syntax.Statement]]:
+def statements(
+    block: syntax.Block, level: int, depth: int = 0
+) -> Iterator[tuple[int, syntax.Statement]]:
     """All statements, with the level of the routine that they stand in: 1 is the program's own."""
     for statement in block:
         yield level, statement

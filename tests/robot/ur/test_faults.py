@@ -6,7 +6,9 @@ from breastscan.errors import RobotError
 from breastscan.robot.ur import faults
 from breastscan.robot.ur.faults import Fault
 
-PLAYING, STOPPED, PAUSED = 2, 1, 4
+PLAYING = 2
+STOPPED = 1
+PAUSED = 4
 NORMAL = 0b1
 
 

@@ -1,4 +1,6 @@
-"""A controller that is not the one, or not ready, is refused before anything moves, with the cure."""
+"""A controller that is not the one, or not ready, is refused before anything moves, with the
+cure.
+"""
 
 import socketserver
 import struct
@@ -89,12 +91,18 @@ def test_a_controller_that_is_not_ready_is_refused_with_the_cure(question, answe
 
 
 def test_software_of_an_older_arm_is_refused():
-    with controller(version=(3, 15, 0, 0)), pytest.raises(RobotError, match=r"3\.15\.0\.0.*older UR5"):
+    with (
+        controller(version=(3, 15, 0, 0)),
+        pytest.raises(RobotError, match=r"3\.15\.0\.0.*older UR5"),
+    ):
         preflight.examine(HOST)
 
 
 def test_something_else_behind_the_port_is_no_controller():
-    with controller(reply=b"HTTP/1.1 400 Bad Request\r\n"), pytest.raises(RobotError, match="no UR controller"):
+    with (
+        controller(reply=b"HTTP/1.1 400 Bad Request\r\n"),
+        pytest.raises(RobotError, match="no UR controller"),
+    ):
         preflight.examine(HOST)
 
 
@@ -109,7 +117,10 @@ def test_a_name_that_is_nobodys_is_told():
 
 
 def test_a_dashboard_that_is_closed_is_told():
-    with controller(dashboard=False), pytest.raises(RobotError, match="dashboard server is allowed"):
+    with (
+        controller(dashboard=False),
+        pytest.raises(RobotError, match="dashboard server is allowed"),
+    ):
         preflight.examine(HOST)
 
 
@@ -117,7 +128,9 @@ class Standing:
     """An arm that says where its slider stands and what its sensor reads after a tare."""
 
     def __init__(self, speed_fraction=1.0, force=0.0):
-        self.speed_fraction, self.force, self.tared = speed_fraction, force, False
+        self.speed_fraction = speed_fraction
+        self.force = force
+        self.tared = False
 
     def tare(self):
         self.tared = True

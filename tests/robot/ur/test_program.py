@@ -44,10 +44,15 @@ def number_lists(line: str) -> list[np.ndarray]:
 
 
 def interpreted(program: str) -> np.ndarray:
-    """The servoj targets, by running the program's own `follow` with its statements taken for Python's."""
+    """The servoj targets, by running the program's own `follow` with its statements taken for
+    Python's.
+    """
     body = program.split("def follow(q0, v0, q1, v1):\n")[1].split("\n  end\n")[0]
     lines = [line.replace("local ", "") for line in body.splitlines() if line.strip() != "end"]
-    python = [re.sub(r"^(\s*while .*)$", r"\1:", line) if not line.endswith(":") else line for line in lines]
+    python = [
+        re.sub(r"^(\s*while .*)$", r"\1:", line) if not line.endswith(":") else line
+        for line in lines
+    ]
     targets: list[list[float]] = []
     scope = {"servoj": lambda q, t, lookahead_time, gain: targets.append(list(q))}
     exec("def follow(q0, v0, q1, v1):\n" + "\n".join(python), scope)
@@ -82,7 +87,9 @@ def test_every_block_of_the_program_is_closed_and_every_line_is_a_known_statemen
     assert program.isascii()
 
 
-def test_the_program_comes_from_the_approach_pose_and_leaves_along_the_normal(planned, q_retreat, program):
+def test_the_program_comes_from_the_approach_pose_and_leaves_along_the_normal(
+    planned, q_retreat, program
+):
     statements = [line.strip() for line in program.splitlines()]
     (movej,) = [s for s in statements if s.startswith("movej(")]
     onto, off = [s for s in statements if s.startswith("movel(")]

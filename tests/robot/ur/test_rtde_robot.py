@@ -1,4 +1,5 @@
-"""The twin on the network, driven by the unmodified client library: the contract, and every way to be stopped.
+"""The twin on the network, driven by the unmodified client library: the contract, and every way to
+be stopped.
 
 Times are told on the twin's clock, which waits for its client.
 """
@@ -134,7 +135,10 @@ class Trap:
     """A robot under which a fault is sprung on the loop; knows the twin's time when it is told."""
 
     def __init__(self, robot, log, spring, twin):
-        self._robot, self._log, self._spring, self._twin = robot, log, spring, twin
+        self._robot = robot
+        self._log = log
+        self._spring = spring
+        self._twin = twin
         self.sprung = self.raised = None
 
     @property
@@ -164,7 +168,10 @@ def pause_worker(twin, robot):
 
 
 def ask_dashboard(*lines):
-    with socket.create_connection((HOST, 29999), 5) as connection, connection.makefile("rw") as stream:
+    with (
+        socket.create_connection((HOST, 29999), 5) as connection,
+        connection.makefile("rw") as stream,
+    ):
         stream.readline()
         for line in lines:
             stream.write(line + "\n")
@@ -179,11 +186,27 @@ def recover(twin, robot):
 
 
 FAULTS = {
-    "protective stop": (lambda twin, robot: twin.do("protective_stop"), Fault.PROTECTIVE_STOP, DETECTED),
-    "emergency stop": (lambda twin, robot: twin.do("emergency_stop"), Fault.EMERGENCY_STOP, DETECTED),
+    "protective stop": (
+        lambda twin, robot: twin.do("protective_stop"),
+        Fault.PROTECTIVE_STOP,
+        DETECTED,
+    ),
+    "emergency stop": (
+        lambda twin, robot: twin.do("emergency_stop"),
+        Fault.EMERGENCY_STOP,
+        DETECTED,
+    ),
     "program not running": (lambda twin, robot: twin.do("script_error"), Fault.PROGRAM, DETECTED),
-    "silence": (lambda twin, robot: twin.do("silence", seconds=3.0), Fault.SILENCE, SILENCE_DETECTED),
-    "worker died": (lambda twin, robot: os.kill(robot._process.pid, signal.SIGKILL), Fault.DIED, DETECTED),
+    "silence": (
+        lambda twin, robot: twin.do("silence", seconds=3.0),
+        Fault.SILENCE,
+        SILENCE_DETECTED,
+    ),
+    "worker died": (
+        lambda twin, robot: os.kill(robot._process.pid, signal.SIGKILL),
+        Fault.DIED,
+        DETECTED,
+    ),
     "watchdog": (pause_worker, Fault.WATCHDOG, 0.06 + DETECTED),
 }
 
@@ -227,7 +250,9 @@ def hold_on(host, scene_config, started):
             started.set()
 
 
-def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(twin, connected, scene):
+def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(
+    twin, connected, scene
+):
     connected.close()
     context = multiprocessing.get_context("spawn")
     started = context.Event()
@@ -235,7 +260,9 @@ def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(tw
     child = context.Process(target=hold_on, args=arguments)
     child.start()
     assert started.wait(120)
-    workers = [int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == child.pid]
+    workers = [
+        int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == child.pid
+    ]
     killed = twin.do("status")["time"]
     for pid in (*workers, child.pid):
         os.kill(pid, signal.SIGKILL)

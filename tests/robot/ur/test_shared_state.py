@@ -35,6 +35,14 @@ def test_a_reader_never_sees_two_states_mixed():
     writer.start()
     while not done.is_set():
         read = shared.read()
-        values = {read.time, *read.q, *read.qd, *read.force_B, float(read.sample), float(read.answers), read.seen}
+        values = {
+            read.time,
+            *read.q,
+            *read.qd,
+            *read.force_B,
+            float(read.sample),
+            float(read.answers),
+            read.seen,
+        }
         assert len(values) == 1
     writer.join()

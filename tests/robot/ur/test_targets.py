@@ -25,7 +25,9 @@ def test_a_step_at_full_speed_passes_and_a_faster_one_is_refused():
         targets.check_step(np.full(6, 1.1 * full), np.zeros(6), PERIOD)
 
 
-@pytest.mark.parametrize(("speed", "acceleration"), [(0.0, 1.0), (-1.0, 1.0), (4.0, 1.0), (1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("speed", "acceleration"), [(0.0, 1.0), (-1.0, 1.0), (4.0, 1.0), (1.0, 0.0)]
+)
 def test_a_motion_needs_a_speed_and_an_acceleration(speed, acceleration):
     with pytest.raises(RobotError, match="move_joint needs"):
         targets.check_motion(speed, acceleration)

@@ -2,7 +2,8 @@
 
     python -m tests.sim.arm.pinocchio_arm
 
-writes tests/data/ur5e_dynamics.json anew (needs the extra `bench`), after a change of masses, tensors or DH parameters.
+writes tests/data/ur5e_dynamics.json anew (needs the extra `bench`), after a change of masses,
+tensors or DH parameters.
 """
 
 import json
@@ -45,7 +46,9 @@ def main() -> None:
 
 
 def _model(pinocchio):
-    """The arm from its DH parameters: a joint about z, then along z by d, along x by a, about x by alpha."""
+    """The arm from its DH parameters: a joint about z, then along z by d, along x by a, about x
+    by alpha.
+    """
     model = pinocchio.Model()
     model.gravity.linear = GRAVITY_W
     parent, placement = 0, pinocchio.SE3.Identity()
@@ -55,7 +58,9 @@ def _model(pinocchio):
         placement = pinocchio.SE3(twist, np.array([DH_A[number], 0.0, DH_D[number]]))
         xx, yy, zz, xy, xz, yz = joint.inertia
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        model.appendBodyToJoint(parent, pinocchio.Inertia(joint.mass, np.array(joint.centre), tensor), placement)
+        model.appendBodyToJoint(
+            parent, pinocchio.Inertia(joint.mass, np.array(joint.centre), tensor), placement
+        )
     model.armature = np.array([joint.armature for joint in JOINTS])
     model.addFrame(pinocchio.Frame("flange", parent, placement, pinocchio.FrameType.OP_FRAME))
     return model

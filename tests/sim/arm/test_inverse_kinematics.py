@@ -1,4 +1,6 @@
-"""The inverse kinematics against the model that is simulated, and against a search from anywhere."""
+"""The inverse kinematics against the model that is simulated, and against a search from
+anywhere.
+"""
 
 import mujoco
 import numpy as np
@@ -23,11 +25,15 @@ def test_every_solution_puts_the_simulated_flange_there_within_a_nanometre(quiet
             data.qpos[joints] = q
             mujoco.mj_kinematics(model, data)
             np.testing.assert_allclose(data.body("flange").xpos, X_BF[:3, 3], atol=1e-9)
-            np.testing.assert_allclose(data.body("flange").xmat.reshape(3, 3), X_BF[:3, :3], atol=1e-9)
+            np.testing.assert_allclose(
+                data.body("flange").xmat.reshape(3, 3), X_BF[:3, :3], atol=1e-9
+            )
 
 
 def test_a_search_from_random_joint_angles_finds_no_further_solution(poses):
-    """Newton's method from 300 places for each pose ends on one of the closed form's solutions, or nowhere."""
+    """Newton's method from 300 places for each pose ends on one of the closed form's solutions,
+    or nowhere.
+    """
     zero = np.zeros(6)
     newton = KinematicCalibration.from_dh_corrections(theta=zero, d=zero, a=zero, alpha=zero)
     starts = np.random.default_rng(5).uniform(-np.pi, np.pi, (300, 6))

@@ -35,7 +35,9 @@ def test_the_fastest_setting_lags_34_ms():
 
 @pytest.mark.parametrize(("lookahead", "gain"), SETTINGS)
 def test_a_step_overshoots_as_its_damping_says(lookahead, gain):
-    """Textbook: exp(-pi zeta / sqrt(1 - zeta^2)), with zeta = lookahead sqrt(gain) / 2 (continuous time)."""
+    """Textbook: exp(-pi zeta / sqrt(1 - zeta^2)), with zeta = lookahead sqrt(gain) / 2
+    (continuous time).
+    """
     step = np.r_[0.0, np.ones(3000)]
     overshoot = followed(ServoConfig(lookahead_time=lookahead, gain=gain), step).max() - 1
     damping = lookahead * np.sqrt(gain) / 2
@@ -58,7 +60,10 @@ def test_a_longer_lookahead_and_a_lower_gain_are_later():
 def test_a_longer_lookahead_smoothes_a_shaking_target():
     """At 5 Hz, below the natural frequency of gain 2000 (7 Hz)."""
     shaking = np.sin(2 * np.pi * 5.0 * PERIOD * np.arange(2000))
-    left = [np.ptp(followed(ServoConfig(lookahead_time=time), shaking)[1000:]) for time in (0.03, 0.1, 0.2)]
+    left = [
+        np.ptp(followed(ServoConfig(lookahead_time=time), shaking)[1000:])
+        for time in (0.03, 0.1, 0.2)
+    ]
     assert left[0] > 2 * left[1] > 3.5 * left[2]
 
 
@@ -92,8 +97,8 @@ def test_a_motion_of_the_controllers_own_ends_where_it_says_and_drops_the_target
 @pytest.mark.parametrize(
     "values",
     [
-        {"lookahead_time": 0.02}, {"lookahead_time": 0.3}, {"gain": 50.0}, {"gain": 3000.0}, {"gain": np.nan},
-        {"transport": 0.0}, {"transport": 0.005}, {"transport": 1.0},
+        {"lookahead_time": 0.02}, {"lookahead_time": 0.3}, {"gain": 50.0}, {"gain": 3000.0},
+        {"gain": np.nan}, {"transport": 0.0}, {"transport": 0.005}, {"transport": 1.0},
     ],
 )  # fmt: skip
 def test_what_servoj_does_not_take_is_refused(values):

@@ -46,7 +46,9 @@ def test_flange_pose_equals_the_dh_product(arm, angles):
     np.testing.assert_allclose(flange_poses(arm, angles), kinematics.forward(angles), atol=1e-9)
 
 
-def test_an_arm_that_deviates_from_its_drawing_has_its_flange_where_its_own_dh_parameters_put_it(angles):
+def test_an_arm_that_deviates_from_its_drawing_has_its_flange_where_its_own_dh_parameters_put_it(
+    angles,
+):
     deviating = true_arm(ArmConfig(kinematics="uncalibrated", seed=3))
     X_BF = flange_poses(compiled(deviating), angles)
     np.testing.assert_allclose(X_BF, deviating.forward(angles), atol=1e-9)
@@ -72,7 +74,10 @@ def relative_error(found, expected):
 
 def test_mass_matrix_gravity_and_velocity_terms_are_pinocchios(arm, by_pinocchio):
     """The same numbers in both; see `tests.sim.arm.pinocchio_arm`."""
-    data, mass, gravity, bias = mujoco.MjData(arm), [], [], []
+    data = mujoco.MjData(arm)
+    mass = []
+    gravity = []
+    bias = []
     for q, qd in zip(by_pinocchio["q"], by_pinocchio["qd"], strict=True):
         data.qpos[:], data.qvel[:] = q, 0.0
         mujoco.mj_forward(arm, data)
@@ -107,11 +112,14 @@ def test_centre_of_mass_follows_the_published_one(arm):
     mujoco.mj_kinematics(arm, data)
     mujoco.mj_comPos(arm, data)
     centres_B = [
-        se3.transform(X_BD, np.array(joint.centre, float)) for X_BD, joint in zip(dh_frames(q)[1:], JOINTS, strict=True)
+        se3.transform(X_BD, np.array(joint.centre, float))
+        for X_BD, joint in zip(dh_frames(q)[1:], JOINTS, strict=True)
     ]
     masses = [joint.mass for joint in JOINTS]
     assert sum(masses) == pytest.approx(17.7)
-    np.testing.assert_allclose(data.body("base").subtree_com, np.average(centres_B, axis=0, weights=masses), atol=1e-9)
+    np.testing.assert_allclose(
+        data.body("base").subtree_com, np.average(centres_B, axis=0, weights=masses), atol=1e-9
+    )
 
 
 def test_gravity_compensation_holds_every_posture(arm):

@@ -30,7 +30,9 @@ def test_rendered_corners_lie_where_opencv_projects_them(free):
             pair = camera.capture()
             shot = find_shot("a", pair.left, pair.right, BOARD)
             assert shot is not None
-            errors = [reprojection(free.rig, X[None], [s], BOARD) for s in (shot, shot.half_turned())]
+            errors = [
+                reprojection(free.rig, X[None], [s], BOARD) for s in (shot, shot.half_turned())
+            ]
             error_px = min(errors, key=lambda error: np.abs(error).mean())
             assert np.sqrt((error_px**2).sum(axis=-1).mean()) < 0.1
 

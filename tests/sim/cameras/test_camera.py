@@ -23,7 +23,9 @@ class PassingRobot(SimRobot):
     """An arm that swings by at an even speed and is parked at 2 s."""
 
     def __init__(self, qd, time=2.0):
-        self._state = RobotState(time=time, q=HOME_Q + qd * (time - 2.0), qd=qd, wrench_P=np.zeros(6), sample=0)
+        self._state = RobotState(
+            time=time, q=HOME_Q + qd * (time - 2.0), qd=qd, wrench_P=np.zeros(6), sample=0
+        )
 
     def state(self):
         return self._state
@@ -78,11 +80,15 @@ def capture(scene, config, robot, binning=4):
 
 
 def test_the_picture_of_a_moving_arm_is_the_mean_over_its_course(quiet_scene):
-    """Four instants in the middles of the quarters of the exposure, which ends when the picture is taken."""
+    """Four instants in the middles of the quarters of the exposure, which ends when the picture
+    is taken.
+    """
     ideal, swing = CameraConfig(quality="ideal"), np.array([6.0, 0, 0, 0, 0, 0])
     blurred = capture(quiet_scene, replace(ideal, motion_samples=4), PassingRobot(qd=swing))
     instants = 2.0 - ideal.exposure_time * (1 - (np.arange(4) + 0.5) / 4)
-    sharp = [capture(quiet_scene, ideal, PassingRobot(qd=swing, time=instant)) for instant in instants]
+    sharp = [
+        capture(quiet_scene, ideal, PassingRobot(qd=swing, time=instant)) for instant in instants
+    ]
     assert blurred.time == 2.0
     for side in ("left", "right"):
         course = np.array([getattr(pair, side) for pair in sharp], float)
@@ -112,5 +118,7 @@ def test_missing_opengl_is_said_in_words(quiet_scene, monkeypatch):
 def test_importing_the_twin_chooses_headless_drawing_without_a_display():
     environment = {k: v for k, v in os.environ.items() if k not in {"MUJOCO_GL", "DISPLAY"}}
     command = "import sim, os; print(os.environ['MUJOCO_GL'])"
-    done = subprocess.run([sys.executable, "-c", command], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", command], env=environment, capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "egl"

@@ -32,7 +32,9 @@ def test_a_lens_without_distortion_only_crops_the_canvas():
     camera = pinhole()
     wide = canvas_of(camera)
     drawn = np.repeat(
-        np.random.default_rng(0).integers(0, 256, (wide.height, wide.width, 1), dtype=np.uint8), 3, axis=2
+        np.random.default_rng(0).integers(0, 256, (wide.height, wide.width, 1), dtype=np.uint8),
+        3,
+        axis=2,
     )
     left, top = np.rint(wide.K[:2, 2] - camera.K[:2, 2]).astype(int)
     crop = drawn[top : top + camera.height, left : left + camera.width, 0]
@@ -76,7 +78,9 @@ def test_light_falls_off_with_the_power_of_the_off_axis_angles_cosine(quiet_scen
     wide = canvas_of(camera)
     white = np.full((wide.height, wide.width, 3), 200, np.uint8)
     light = Lens(camera, wide, 1, CameraErrors(vignetting=4.0)).bend(white)
-    pixels = np.array([[649.0, 514.0], [900.0, 514.0], [649.0, 150.0], [1200.0, 900.0], [60.0, 60.0]])
+    pixels = np.array(
+        [[649.0, 514.0], [900.0, 514.0], [649.0, 150.0], [1200.0, 900.0], [60.0, 60.0]]
+    )
     rays = cv2.undistortPoints(pixels[:, None], camera.K, camera.distortion)[:, 0]
     cosine = 1 / np.sqrt(1 + (rays**2).sum(axis=1))
     x, y = pixels.astype(int).T
@@ -97,7 +101,9 @@ def edge_transfer(light, slope):
 
 
 def test_blur_lowers_the_contrast_of_a_slanted_edge_as_a_gaussian_does():
-    sigma, slope, finer = 0.8, 0.13, 4
+    sigma = 0.8
+    slope = 0.13
+    finer = 4
     camera = pinhole(160, 128, 150.0)
     wide = canvas_of(camera, finer)
     y, x = (index / finer for index in np.indices((wide.height, wide.width)))
@@ -105,7 +111,9 @@ def test_blur_lowers_the_contrast_of_a_slanted_edge_as_a_gaussian_does():
     edge = x - left - camera.width / 2 - slope * (y - top - camera.height / 2) > 0
     drawn = np.repeat(np.where(edge, 200, 40).astype(np.uint8)[..., None], 3, axis=2)
     frequency, sharp = edge_transfer(Lens(camera, wide, finer, IDEAL).bend(drawn), slope)
-    _, blurred = edge_transfer(Lens(camera, wide, finer, CameraErrors(blur_px=sigma)).bend(drawn), slope)
+    _, blurred = edge_transfer(
+        Lens(camera, wide, finer, CameraErrors(blur_px=sigma)).bend(drawn), slope
+    )
     low = (frequency > 0) & (frequency < 0.35)
     gaussian = np.exp(-2 * (np.pi * sigma * frequency[low]) ** 2)
     np.testing.assert_allclose(blurred[low] / sharp[low], gaussian, atol=0.03)

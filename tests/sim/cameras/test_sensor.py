@@ -1,4 +1,6 @@
-"""The sensor by the methods that characterise a real one (EMVA 1288): flat fields, means and variances."""
+"""The sensor by the methods that characterise a real one (EMVA 1288): flat fields, means and
+variances.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ def test_one_grey_level_is_noise_of_one_grey_level_at_any_brightness():
 
 @pytest.mark.parametrize("gain", [1.0, 2.0])
 def test_the_photon_transfer_curve_gives_gain_and_read_noise_back(gain):
-    """Variance against mean is a line: its slope is the grey level of an electron, its foot the read-out's noise."""
+    """Variance against mean is a line: its slope is the grey level of an electron, its foot the
+    read-out's noise.
+    """
     read_noise = 30.0
     levels = np.linspace(20, 100, 9)
     images = [flat(level, shot_noise=True, read_noise=read_noise, gain=gain) for level in levels]
@@ -51,7 +55,10 @@ def test_read_noise_alone_is_the_same_everywhere():
 
 
 def test_half_the_exposure_at_twice_the_gain_is_as_bright_and_root_two_noisier():
-    full, short = flat(100.0, shot_noise=True), flat(100.0, shot_noise=True, exposure_time=2.5e-3, gain=2.0)
+    full, short = (
+        flat(100.0, shot_noise=True),
+        flat(100.0, shot_noise=True, exposure_time=2.5e-3, gain=2.0),
+    )
     assert short.mean() == pytest.approx(full.mean(), abs=0.05)
     assert short.std() == pytest.approx(np.sqrt(2) * full.std(), rel=0.02)
 
@@ -65,7 +72,8 @@ def test_ten_bits_lose_their_lowest_two():
     """A ramp over one grey level: 8 bits round it, 10 bits cut it off."""
     light = np.linspace(100, 101, 101, dtype=np.float32)[None, :]
     rounded, cut = (
-        expose(light, CameraConfig(quality="ideal", bits=bits), np.random.default_rng(0)) for bits in (8, 10)
+        expose(light, CameraConfig(quality="ideal", bits=bits), np.random.default_rng(0))
+        for bits in (8, 10)
     )
     assert (rounded == 101).mean() == pytest.approx(0.5, abs=0.02)
     codes = np.rint(light.astype(float) * 1023 / 255)
@@ -73,4 +81,6 @@ def test_ten_bits_lose_their_lowest_two():
 
 
 def test_exposures_repeat_to_the_last_bit():
-    np.testing.assert_array_equal(flat(100.0, quality="realistic"), flat(100.0, quality="realistic"))
+    np.testing.assert_array_equal(
+        flat(100.0, quality="realistic"), flat(100.0, quality="realistic")
+    )

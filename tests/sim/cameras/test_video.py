@@ -19,7 +19,9 @@ def tissue(quiet_scene):
 @pytest.fixture
 def went(run):
     """A synthetic scan, as if it had taken .6 s."""
-    return dataclasses.replace(run.trajectory, t=run.trajectory.t * 0.6 / run.trajectory.elapsed[-1])
+    return dataclasses.replace(
+        run.trajectory, t=run.trajectory.t * 0.6 / run.trajectory.elapsed[-1]
+    )
 
 
 def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissue, went, tmp_path):

@@ -1,4 +1,5 @@
-"""Programs and bytes that nobody wrote, for every port of a twin: `make fuzz`, and less of it in the tests.
+"""Programs and bytes that nobody wrote, for every port of a twin: `make fuzz`, and less of it in
+the tests.
 
 `python -m tests.sim.controller.fuzz [COUNT] [SEED]` starts a twin, and says what became of it.
 """
@@ -29,25 +30,99 @@ BATCH = 20
 ANSWERS_WITHIN = 2.5
 """[s]"""
 KEYWORDS = (
-    *("def", "thread", "sec", "end", "global", "local", "if", "elif", "else", "while", "return", "break"),
-    *("continue", "halt", "pass", "enter_critical", "exit_critical", "kill", "join", "run", "and", "or"),
+    *(
+        "def",
+        "thread",
+        "sec",
+        "end",
+        "global",
+        "local",
+        "if",
+        "elif",
+        "else",
+        "while",
+        "return",
+        "break",
+    ),
+    *(
+        "continue",
+        "halt",
+        "pass",
+        "enter_critical",
+        "exit_critical",
+        "kill",
+        "join",
+        "run",
+        "and",
+        "or",
+    ),
     *("xor", "not", "True", "False"),
 )
 PYTHON = (
-    *("__import__", "open", "exec", "eval", "compile", "exit", "quit", "input", "getattr", "setattr"),
+    *(
+        "__import__",
+        "open",
+        "exec",
+        "eval",
+        "compile",
+        "exit",
+        "quit",
+        "input",
+        "getattr",
+        "setattr",
+    ),
     *("globals", "locals", "vars", "dir", "type", "object", "print", "__builtins__", "__class__"),
-    *("__subclasses__", "__globals__", "os", "sys", "self", "None", "lambda", "import", "class", "yield"),
+    *(
+        "__subclasses__",
+        "__globals__",
+        "os",
+        "sys",
+        "self",
+        "None",
+        "lambda",
+        "import",
+        "class",
+        "yield",
+    ),
     *("async", "nonlocal"),
 )
-NUMBERS = ("0", "1", "2", "-1", "47", "48", "0.002", "0.5", "3.14159", "1e-300", "1e308", "2147483647")
+NUMBERS = (
+    "0",
+    "1",
+    "2",
+    "-1",
+    "47",
+    "48",
+    "0.002",
+    "0.5",
+    "3.14159",
+    "1e-300",
+    "1e308",
+    "2147483647",
+)
 WRONG_NUMBERS = ("1e999", "99999999999", ".5", "5.", "1e")
 OPERATORS = ("+", "-", "*", "/", "%", "==", "!=", "<", "<=", ">", ">=", "and", "or", "xor")
 SYMBOLS = (*tuple("()[],:=.'\"#$\\\n\t;{}@\x00é\r"), "p[")
-WORDS = ("robotmode", "play", "stop", "pause", "power", "on", "off", "brake", "release", "unlock", "load", "popup")
+WORDS = (
+    "robotmode",
+    "play",
+    "stop",
+    "pause",
+    "power",
+    "on",
+    "off",
+    "brake",
+    "release",
+    "unlock",
+    "load",
+    "popup",
+)
 
 
 class Programs:
-    """Grammar-aware programs, drawn from a seed: most are valid, so that they run; the wild ones need not be."""
+    """Grammar-aware programs, drawn from a seed: most are valid, so that they run; the wild ones
+    need not be.
+    """
 
     def __init__(self, draw: random.Random, functions: dict) -> None:
         self._draw, self._functions = draw, functions
@@ -65,7 +140,9 @@ class Programs:
 
     def _value(self) -> str:
         numbers = ", ".join(f"{self._draw.uniform(-2, 2):.3g}" for _ in range(6))
-        return self._draw.choice([f"[{numbers}]", f"p[{numbers}]", self._draw.choice(NUMBERS), '"x"', "True"])
+        return self._draw.choice(
+            [f"[{numbers}]", f"p[{numbers}]", self._draw.choice(NUMBERS), '"x"', "True"]
+        )
 
     def _block(self, depth: int) -> str:
         return "\n".join(self._statement(depth) for _ in range(self._draw.randint(1, 5)))
@@ -89,7 +166,9 @@ class Programs:
         ]
         wild = [
             lambda: f"{name}.{draw.choice(self._names)} = {self._expression(1)}",
-            lambda: f"def {name}({draw.choice(['', 'x', 'x=1, y'])}):\n{self._block(depth - 1)}\nend",
+            lambda: (
+                f"def {name}({draw.choice(['', 'x', 'x=1, y'])}):\n{self._block(depth - 1)}\nend"
+            ),
             lambda: f"thread {name}():\n{self._block(depth - 1)}\nend",
             lambda: f"{name} = run {draw.choice(self._names)}()",
             lambda: draw.choice(["break", "continue", f"join {name}"]),
@@ -110,7 +189,9 @@ class Programs:
     def _expression(self, depth: int) -> str:
         draw = self._draw
         if depth <= 0:
-            return draw.choice([draw.choice(NUMBERS + WRONG_NUMBERS * self._wild), draw.choice(self._names)])
+            return draw.choice(
+                [draw.choice(NUMBERS + WRONG_NUMBERS * self._wild), draw.choice(self._names)]
+            )
         inner = [self._expression(depth - 1) for _ in range(6)]
         return draw.choice(
             [
@@ -131,7 +212,8 @@ class Programs:
             return f"{draw.choice([*PYTHON, *self._names])}({self._expression(0)})"
         function = self._functions[draw.choice(list(self._functions))]
         given = [p for p in function.parameters if p.default is REQUIRED or draw.random() < 0.3]
-        return f"{function.name}({', '.join(f'{p.name}={self._argument(p.kind.name, depth)}' for p in given)})"
+        arguments = (f"{p.name}={self._argument(p.kind.name, depth)}" for p in given)
+        return f"{function.name}({', '.join(arguments)})"
 
     def _argument(self, kind: str, depth: int) -> str:
         draw = self._draw
@@ -157,26 +239,51 @@ def mutated(draw: random.Random, text: str) -> str:
     """A text with a few words exchanged, cut or doubled."""
     for _ in range(draw.randint(1, 6)):
         at, length = draw.randrange(len(text) + 1), draw.randrange(12)
-        new = draw.choice([draw.choice(SYMBOLS), draw.choice(KEYWORDS), draw.choice(PYTHON), text[at : at + length]])
+        new = draw.choice(
+            [
+                draw.choice(SYMBOLS),
+                draw.choice(KEYWORDS),
+                draw.choice(PYTHON),
+                text[at : at + length],
+            ]
+        )
         text = text[:at] + new * draw.choice([1, 1, 1, 50]) + text[at + length :]
     return text
 
 
 def noise(draw: random.Random) -> tuple[int, bytes]:
     """Bytes for a port that is no script's."""
-    names = ",".join(draw.choices([*INPUTS, *OUTPUTS, "nonsense", ""], k=draw.randint(1, 30))).encode()
+    names = ",".join(
+        draw.choices([*INPUTS, *OUTPUTS, "nonsense", ""], k=draw.randint(1, 30))
+    ).encode()
     rtde = [
-        (b"V", struct.pack(">H", draw.randrange(4))), (b"v", b""), (b"O", struct.pack(">d", draw.choice(
-            [500.0, 1.0, 0.0, -1.0, float("nan"), float("inf")])) + names), (b"I", names), (b"S", b""), (b"P", b""),
-        (b"U", bytes([draw.randrange(4)]) + draw.randbytes(draw.randrange(200))), (bytes([draw.randrange(256)]), b"x"),
-    ]  # fmt: skip
+        (b"V", struct.pack(">H", draw.randrange(4))),
+        (b"v", b""),
+        (
+            b"O",
+            struct.pack(">d", draw.choice([500.0, 1.0, 0.0, -1.0, float("nan"), float("inf")]))
+            + names,
+        ),
+        (b"I", names),
+        (b"S", b""),
+        (b"P", b""),
+        (b"U", bytes([draw.randrange(4)]) + draw.randbytes(draw.randrange(200))),
+        (bytes([draw.randrange(256)]), b"x"),
+    ]
     packages = b"".join(
-        struct.pack(">HB", 3 + len(body), kind[0]) + body for kind, body in draw.choices(rtde, k=draw.randint(1, 12))
+        struct.pack(">HB", 3 + len(body), kind[0]) + body
+        for kind, body in draw.choices(rtde, k=draw.randint(1, 12))
     )
-    request = json.dumps({"do": draw.choice(["status", "silence", "freeze_sensor", "reset", "release", "x"]),
-                          **draw.choice([{}, {"seconds": 0.01}, {"on": True}, {"seconds": "x"}])}).encode()  # fmt: skip
+    request = json.dumps(
+        {
+            "do": draw.choice(["status", "silence", "freeze_sensor", "reset", "release", "x"]),
+            **draw.choice([{}, {"seconds": 0.01}, {"on": True}, {"seconds": "x"}]),
+        }
+    ).encode()
     dashboard = " ".join(draw.choices(WORDS, k=draw.randint(1, 3))).encode()
-    port, data = draw.choice([(30004, packages), (29999, dashboard + b"\n"), (CONTROL_PORT, request + b"\n")])
+    port, data = draw.choice(
+        [(30004, packages), (29999, dashboard + b"\n"), (CONTROL_PORT, request + b"\n")]
+    )
     for _ in range(draw.choice([0, 1, 5])):
         at = draw.randrange(len(data))
         data = data[:at] + draw.randbytes(draw.randint(1, 3)) + data[at + draw.randrange(3) :]
@@ -187,7 +294,9 @@ def cases(count: int, seed: int):
     """So many of (port, bytes)."""
     draw = random.Random(seed)
     scene = Scene()
-    controller = Controller(SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None)
+    controller = Controller(
+        SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None
+    )
     functions = script_functions(controller)
     for _ in range(count):
         programs, kind = Programs(draw, functions), draw.random()
@@ -195,7 +304,10 @@ def cases(count: int, seed: int):
         if kind < 0.3:
             yield noise(draw)
         elif kind < 0.6:
-            yield draw.choice((30001, 30002, 30003)), mutated(draw, text).encode("utf-8", "replace") + b"\nend\n"
+            yield (
+                draw.choice((30001, 30002, 30003)),
+                mutated(draw, text).encode("utf-8", "replace") + b"\nend\n",
+            )
         else:
             yield 30003, text.encode()
 
@@ -232,7 +344,9 @@ def fuzz(host: str, process, count: int, seed: int) -> dict[str, float]:
             longest = max(longest, time.monotonic() - start)
             assert process.poll() is None, f"the twin is gone after case {k} of seed {seed}"
             assert longest < ANSWERS_WITHIN, f"the twin hangs at case {k} of seed {seed}"
-            assert all(abs(q) < 100 for q in state["q"]), f"the arm is lost after case {k} of seed {seed}"
+            assert all(abs(q) < 100 for q in state["q"]), (
+                f"the arm is lost after case {k} of seed {seed}"
+            )
             memory.append(resident_mb(process.pid))
     control.close()
     return {
@@ -247,7 +361,9 @@ def main(count: int = 10_000, seed: int = 0) -> None:
     host = address(37)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "effects"
-        with served(host, clock="real-time", module=("tests.sim.controller.watched", str(log))) as process:
+        with served(
+            host, clock="real-time", module=("tests.sim.controller.watched", str(log))
+        ) as process:
             for what, value in fuzz(host, process, count, seed).items():
                 print(f"{what}: {value:.3f}")
             start = time.monotonic()
@@ -255,7 +371,9 @@ def main(count: int = 10_000, seed: int = 0) -> None:
             process.wait(10)
             print(f"from SIGTERM to the end [s]: {time.monotonic() - start:.2f}")
         effects = log.read_text().splitlines()
-    print(f"{count} programs and byte strings: the twin lives; effects outside of it: {len(effects)}")
+    print(
+        f"{count} programs and byte strings: the twin lives; effects outside of it: {len(effects)}"
+    )
     sys.exit("\n".join(effects[:20]) if effects else 0)
 
 

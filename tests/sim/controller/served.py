@@ -12,8 +12,9 @@ ROOT = Path(__file__).parents[3]
 
 
 def address(net):
-    """Loopback address of this process's own, in one of 256 nets: a controller's ports are fixed, and
-    tests may run twice at a time."""
+    """Loopback address of this process's own, in one of 256 nets: a controller's ports are fixed,
+    and tests may run twice at a time.
+    """
     return f"127.{net}.{os.getpid() // 250 % 250}.{1 + os.getpid() % 250}"
 
 
@@ -25,7 +26,9 @@ def served(host, *options, clock="lockstep", module=("breastscan",)):
     """
     options = ("--controller.host", host, "--clock", clock, *options)
     command = [sys.executable, "-m", *module, "twin", *options]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     try:
         for line in process.stdout:
             if line.startswith("Ready"):
@@ -50,11 +53,17 @@ def pass_time(twin, seconds):
 
 
 def client(program, *arguments, timeout=120):
-    """Run a program in a process of its own, since the client library can take one down; what it printed."""
+    """Run a program in a process of its own, since the client library can take one down; what it
+    printed.
+    """
     finished = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program), *arguments],
-        cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=timeout,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=timeout,
         check=False,
-    )  # fmt: skip
+    )
     assert finished.returncode == 0, finished.stdout + finished.stderr
     return finished.stdout

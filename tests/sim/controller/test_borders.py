@@ -1,4 +1,6 @@
-"""Nobody gets in: what programs and clients cannot do to the twin, or to the machine that it runs on."""
+"""Nobody gets in: what programs and clients cannot do to the twin, or to the machine that it
+runs on.
+"""
 
 import ast
 import itertools
@@ -63,7 +65,8 @@ TRIES = [
     'socket_open("127.0.0.1", 80)',
     f'load_module("{MARK}")\nrpc_factory("xmlrpc", "http://127.0.0.1/")\nzzz()',
 ]
-"""To leave the language, by the ways of Python, of the translation that once was, and of URScript itself."""
+"""To leave the language, by the ways of Python, of the translation that once was, and of URScript
+itself."""
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +76,9 @@ def effects(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def process(effects):
-    with served(HOST, clock="real-time", module=("tests.sim.controller.watched", str(effects))) as process:
+    with served(
+        HOST, clock="real-time", module=("tests.sim.controller.watched", str(effects))
+    ) as process:
         yield process
 
 
@@ -102,7 +107,9 @@ def test_nothing_in_the_controller_runs_text_or_looks_names_up():
     forbidden = {"exec", "eval", "compile", "getattr", "setattr", "__import__", "globals", "vars"}
     for path in Path(sim.controller.__path__[0]).rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        assert not {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} & forbidden, path
+        assert not {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} & forbidden, (
+            path
+        )
 
 
 def test_no_program_leaves_the_language(twin, effects, process):
@@ -131,7 +138,10 @@ def test_no_program_leaves_the_language(twin, effects, process):
 )
 def test_a_browser_is_hung_up_on_and_what_it_brings_is_not_run(twin, port, request_line):
     body = b"def main():\nwrite_output_integer_register(21, 77)\nwhile True:\nsync()\nend\nend\n"
-    for pieces in ([request_line + b"Host: x\r\n\r\n" + body], [request_line[:2], request_line[2:], b"\r\n" + body]):
+    for pieces in (
+        [request_line + b"Host: x\r\n\r\n" + body],
+        [request_line[:2], request_line[2:], b"\r\n" + body],
+    ):
         with socket.create_connection((HOST, port), 10) as sock:
             try:
                 for piece in pieces:
@@ -218,7 +228,10 @@ def test_a_program_that_is_refused_leaves_the_running_one_alone(twin):
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_numbers_that_are_none_are_refused_in_registers_and_sliders(twin, value):
-    for name, mask in (("input_double_register_30", b""), ("speed_slider_fraction", struct.pack(">I", 1))):
+    for name, mask in (
+        ("input_double_register_30", b""),
+        ("speed_slider_fraction", struct.pack(">I", 1)),
+    ):
         with closing(Wire(HOST)) as wire:
             names = f"{name},speed_slider_mask" if mask else name
             assert wire.ask(b"I", names.encode())[0] == 1
@@ -231,12 +244,23 @@ def test_numbers_that_are_none_are_refused_in_registers_and_sliders(twin, value)
         told = [body for kind, body in packages if kind == b"M"]
         assert len(told) == 1
         assert f"{name} must be finite".encode() in told[0]
-        assert all(0 <= x <= 1 for kind, body in packages if kind == b"U" for x in struct.unpack(">xdd", body))
+        assert all(
+            0 <= x <= 1
+            for kind, body in packages
+            if kind == b"U"
+            for x in struct.unpack(">xdd", body)
+        )
 
 
 def test_fields_that_no_mask_counts_may_hold_anything(twin):
     with closing(Wire(HOST)) as wire:
-        assert wire.ask(b"I", b"standard_analog_output_mask,standard_analog_output_0,standard_analog_output_1")[0] == 1
+        assert (
+            wire.ask(
+                b"I",
+                b"standard_analog_output_mask,standard_analog_output_0,standard_analog_output_1",
+            )[0]
+            == 1
+        )
         wire.outputs(500, ["standard_analog_output0", "standard_analog_output1"])
         wire.ask(b"S")
         wire.send(b"U", b"\x01" + struct.pack(">Bdd", 1, 0.25, float("nan")))
@@ -360,8 +384,9 @@ def test_programs_and_bytes_that_nobody_wrote(process, effects, twin):
 
 BUSY = "def main():\nwhile True:\nx = 1\nend\nend"
 MANY = (
-    "def main():\nthread t():\nwhile True:\nx = get_inverse_kin_has_solution(p[.4,.1,.4,0,3,0])\nend\nend\ni = 0\n"
-    "while i < 40:\ny = run t()\ni = i + 1\nend\nwhile True:\nx = 1\nend\nend"
+    "def main():\nthread t():\nwhile True:\nx = "
+    "get_inverse_kin_has_solution(p[.4,.1,.4,0,3,0])\nend\nend\ni = 0\nwhile i < 40:\ny = run "
+    "t()\ni = i + 1\nend\nwhile True:\nx = 1\nend\nend"
 )
 LONG = "def main():\n" + "x = [1, 2, 3]\n" * 60_000 + "end"
 ALONE = "def main():\nenter_critical\nwhile True:\nx = 1\nend\nend"
@@ -369,7 +394,11 @@ ALONE = "def main():\nenter_critical\nwhile True:\nx = 1\nend\nend"
 
 @pytest.mark.parametrize(
     ("programs", "number"),
-    [((BUSY,), signal.SIGTERM), ((MANY, LONG), signal.SIGTERM), ((ALONE, LONG, LONG), signal.SIGINT)],
+    [
+        ((BUSY,), signal.SIGTERM),
+        ((MANY, LONG), signal.SIGTERM),
+        ((ALONE, LONG, LONG), signal.SIGINT),
+    ],
     ids=["a loop without sync", "busy threads and a long program", "Ctrl-C in a critical section"],
 )
 def test_the_end_comes_at_once_whatever_runs(programs, number):

@@ -20,7 +20,9 @@ def scene():
 
 @pytest.fixture
 def controller(scene):
-    controller = Controller(SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None)
+    controller = Controller(
+        SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None
+    )
     controller.functions = script_functions(controller)
     return controller
 
@@ -61,7 +63,10 @@ def test_a_servo_that_is_pumped_up_is_stopped_before_it_is_much_too_fast(control
 
 
 def test_nothing_moves_the_arm_during_a_protective_stop(controller):
-    body = "thread t():\nwhile True:\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 0.002)\nend\nend\nx = run t()\nsleep(0.1)\n"
+    body = (
+        "thread t():\nwhile True:\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 0.002)\nend\nend\nx = run "
+        "t()\nsleep(0.1)\n"
+    )
     run(controller, body + "protective_stop()\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 1)", 0.3)
     assert controller.safety is Safety.PROTECTIVE_STOP
     assert controller.runtime is Runtime.PAUSED
@@ -90,7 +95,8 @@ def test_a_joint_is_stopped_at_the_end_of_its_range_and_may_come_back(controller
         "movej([0, -1.5, 1.5, -1.5, -1.5, 0], a=1e-300, v=1e-300)",
         "speedl([9, 0, 0, 0, 0, 0], 1e300, 1)",
         "speedl([0, 0, 0, 1e6, 1e6, 1e6], 1e300, 1)",
-        "x = get_actual_tcp_pose()\nx[0] = -x[0]\nx[1] = -x[1]\nmovel(x, 10, 2)",  # through the axis of the base
+        # through the axis of the base
+        "x = get_actual_tcp_pose()\nx[0] = -x[0]\nx[1] = -x[1]\nmovel(x, 10, 2)",
         "set_tcp(p[1e6, 1e6, 1e6, 1, 2, 3])\nspeedl([1, 0, 0, 1, 0, 0], 10, 1)",
         "stopj(1e300)",
         "stopj(-1)",

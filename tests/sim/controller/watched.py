@@ -1,17 +1,39 @@
 """`breastscan`, with everything written down that the twin does outside of itself while it serves.
 
-`python -m tests.sim.controller.watched LOG twin ...`. Python's audit events tell: files, processes, imports, sockets
-that it opens, code that it compiles or runs.
+`python -m tests.sim.controller.watched LOG twin ...`. Python's audit events tell: files, processes,
+imports, sockets that it opens, code that it compiles or runs.
 """
 
 import os
 import sys
 
 OUTSIDE = (
-    "open", "os.", "shutil.", "subprocess.", "pty.", "exec", "compile", "import", "socket.connect", "socket.bind",
-    "socket.getaddrinfo", "ctypes.", "code.", "marshal.", "pickle.", "tempfile.", "urllib.", "webbrowser.", "glob.",
-    "builtins.", "cpython.", "function.", "sys.setprofile", "sys.settrace", "mmap.",
-)  # fmt: skip
+    "open",
+    "os.",
+    "shutil.",
+    "subprocess.",
+    "pty.",
+    "exec",
+    "compile",
+    "import",
+    "socket.connect",
+    "socket.bind",
+    "socket.getaddrinfo",
+    "ctypes.",
+    "code.",
+    "marshal.",
+    "pickle.",
+    "tempfile.",
+    "urllib.",
+    "webbrowser.",
+    "glob.",
+    "builtins.",
+    "cpython.",
+    "function.",
+    "sys.setprofile",
+    "sys.settrace",
+    "mmap.",
+)
 """Beginnings of the events' names."""
 
 

@@ -24,7 +24,9 @@ def test_the_live_skin_is_drawn_where_the_mocap_bodies_are(quiet_scene):
     model, data = quiet_scene.live, mujoco.MjData(quiet_scene.live)
     mujoco.mj_forward(model, data)
     skin_S = quiet_scene.phantom.skin.vertices_S
-    np.testing.assert_allclose(data.flexvert_xpos, se3.transform(quiet_scene.X_BS, live_vertices(skin_S)), atol=1e-6)
+    np.testing.assert_allclose(
+        data.flexvert_xpos, se3.transform(quiet_scene.X_BS, live_vertices(skin_S)), atol=1e-6
+    )
     pressed_S = skin_S - 0.005 * quiet_scene.phantom.skin.normals_S
     data.mocap_pos[1:] = se3.transform(quiet_scene.X_BS, live_vertices(pressed_S))
     mujoco.mj_forward(model, data)
@@ -34,4 +36,6 @@ def test_the_live_skin_is_drawn_where_the_mocap_bodies_are(quiet_scene):
 def test_the_live_model_moves_as_the_simulated_one_does(quiet_scene):
     """Same arm, same joints: the state of one is a state of the other."""
     live, physics = quiet_scene.live, quiet_scene.physics
-    assert [live.joint(i).name for i in range(live.njnt)] == [physics.joint(i).name for i in range(physics.njnt)]
+    assert [live.joint(i).name for i in range(live.njnt)] == [
+        physics.joint(i).name for i in range(physics.njnt)
+    ]

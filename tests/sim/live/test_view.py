@@ -17,7 +17,12 @@ class Viewer:
     """What `launch` returns, with a script: what the user does at which exchange of messages."""
 
     def __init__(self, script):
-        self.script, self.count, self.open, self.sent, self.wishes, self.data = script, 0, True, [], None, None
+        self.script = script
+        self.count = 0
+        self.open = True
+        self.sent = []
+        self.wishes = None
+        self.data = None
 
     def launch(self, config, plugins):
         self.wishes = plugins[1]
@@ -64,7 +69,10 @@ def viewer(monkeypatch):
 @pytest.fixture
 def robot(quiet_scene):
     skin_S = quiet_scene.phantom.skin.vertices_S
-    return SimRobot(quiet_scene, SpringTissue(height=0.0, stiffness=0.0, skin_S=skin_S - np.array([0.0, 0.0, 0.003])))
+    return SimRobot(
+        quiet_scene,
+        SpringTissue(height=0.0, stiffness=0.0, skin_S=skin_S - np.array([0.0, 0.0, 0.003])),
+    )
 
 
 def hold(robot, periods):
@@ -104,7 +112,9 @@ def test_no_simulated_time_passes_in_a_pause(quiet_scene, viewer, robot):
         live.follow(robot)
         hold(robot, 200)
         clocks = [
-            message.time[-1] for message in stand_in.sent if isinstance(message, ScanSnapshot) and len(message.time)
+            message.time[-1]
+            for message in stand_in.sent
+            if isinstance(message, ScanSnapshot) and len(message.time)
         ]
     assert clocks.count(max(set(clocks), key=clocks.count)) >= 25
     assert clocks[-1] > clocks[0]

@@ -11,13 +11,19 @@ class SpringTissue:
     """A frictionless block under a level surface: its force is known in closed form."""
 
     def __init__(self, height: float, stiffness: float, skin_S: np.ndarray | None = None) -> None:
-        self.height, self.stiffness, self.skin_S = height, stiffness, skin_S
+        self.height = height
+        self.stiffness = stiffness
+        self.skin_S = skin_S
 
     def press(self, X_SP, velocity_S):
         depth = max(0.0, self.height - float(X_SP[2, 3]))
         force_S = np.array([0.0, 0.0, self.stiffness * depth])
         return Contact(
-            force_S=force_S, torque_S=np.zeros(3), depth=depth, vertices=int(depth > 0), centre_S=X_SP[:3, 3].copy()
+            force_S=force_S,
+            torque_S=np.zeros(3),
+            depth=depth,
+            vertices=int(depth > 0),
+            centre_S=X_SP[:3, 3].copy(),
         )
 
     def deformed_skin(self):

@@ -1,8 +1,9 @@
-"""Frictionless contact solved within the finite elements themselves: an oracle that shares only the mesh.
+"""Frictionless contact solved within the finite elements themselves: an oracle that shares only the
+mesh.
 
-Every node of the quadratic elements near the probe, mid-edge nodes included, may touch. Forces act along the normals of
-the face where the displaced node lies, and the whole displacement counts, not its normal part alone; the probe comes
-down in steps, so that no node is pushed out sideways.
+Every node of the quadratic elements near the probe, mid-edge nodes included, may touch. Forces act
+along the normals of the face where the displaced node lies, and the whole displacement counts, not
+its normal part alone; the probe comes down in steps, so that no node is pushed out sideways.
 """
 
 import numpy as np
@@ -31,10 +32,14 @@ def finite_element_force(
     tets = skfem.MeshTet(mesh.nodes_S.T.copy(), mesh.tetrahedra.T.copy())
     basis = skfem.Basis(tets, skfem.ElementVector(skfem.ElementTetP2()), intorder=2)
     stiffness = (
-        linear_elasticity(*lame_parameters(phantom.config.young, phantom.config.poisson)).assemble(basis).tocsc()
+        linear_elasticity(*lame_parameters(phantom.config.young, phantom.config.poisson))
+        .assemble(basis)
+        .tocsc()
     )
     free = np.nonzero(basis.doflocs[2] > 1e-9)[0]
-    factors = splu(stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    factors = splu(
+        stiffness[free][:, free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+    )
 
     skin = tets.boundary_facets()[mesh.skin[tets.facets[:, tets.boundary_facets()]].all(axis=0)]
     nodes = np.unique(np.concatenate([tets.facets[:, skin].ravel()]))
@@ -50,7 +55,9 @@ def finite_element_force(
 
 
 def _onto_skin(phantom: Phantom, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Mid-edge nodes lie a little below the smooth skin, on their straight edge; the probe meets the skin."""
+    """Mid-edge nodes lie a little below the smooth skin, on their straight edge; the probe meets
+    the skin.
+    """
     ball = phantom.unembed(p_S)
     return phantom.embed(ball / np.linalg.norm(ball, axis=1, keepdims=True))
 

@@ -10,13 +10,17 @@ REST = np.zeros(3)
 
 
 def loop_pose(phantom: Phantom, azimuth: float, depth: float) -> Float[np.ndarray, "4 4"]:
-    """X_SP of a probe at `azimuth` [rad] of the half-height loop, its face `depth` [m] below the undeformed skin."""
+    """X_SP of a probe at `azimuth` [rad] of the half-height loop, its face `depth` [m] below the
+    undeformed skin.
+    """
     p_S = _loop_point(phantom, azimuth)
     inward_S = -phantom.normal(phantom.unembed(p_S[None]))[0]
     along_S = np.cross([0.0, 0.0, 1.0], inward_S)
     along_S /= np.linalg.norm(along_S)
     X_SP = np.eye(4)
-    X_SP[:3, 0], X_SP[:3, 1], X_SP[:3, 2] = along_S, np.cross(inward_S, along_S), inward_S
+    X_SP[:3, 0] = along_S
+    X_SP[:3, 1] = np.cross(inward_S, along_S)
+    X_SP[:3, 2] = inward_S
     X_SP[:3, 3] = p_S + depth * inward_S
     return X_SP
 

@@ -52,7 +52,9 @@ def breathing_scene(quiet_scene) -> Scene:
 
 def test_a_probe_held_still_is_pressed_as_the_chest_comes_up(breathing_scene):
     """A spring under the parked probe's tip, which touches at 5 mm of rise."""
-    tip_S = (se3.inverse(breathing_scene.X_BS) @ kinematics.forward(HOME_Q) @ breathing_scene.X_FP)[:3, 3]
+    tip_S = (se3.inverse(breathing_scene.X_BS) @ kinematics.forward(HOME_Q) @ breathing_scene.X_FP)[
+        :3, 3
+    ]
     robot = SimRobot(breathing_scene, SpringTissue(height=tip_S[2] - 0.005, stiffness=200.0))
     while robot.state().time < 2.0:
         robot.servo_joint(HOME_Q)

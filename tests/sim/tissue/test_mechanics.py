@@ -9,7 +9,9 @@ from sim.tissue.printed import PrintedBreast
 from sim.tissue.soft import SoftTissue
 
 
-@pytest.mark.parametrize(("name", "kind"), [("soft", SoftTissue), ("printed", PrintedBreast), ("flex", FlexTissue)])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("soft", SoftTissue), ("printed", PrintedBreast), ("flex", FlexTissue)]
+)
 def test_the_configuration_names_the_mechanics(name, kind):
     mechanics = build_mechanics(Phantom(PhantomConfig(mechanics=name)))
     assert isinstance(mechanics, kind)

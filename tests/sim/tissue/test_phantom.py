@@ -46,7 +46,9 @@ def test_the_fine_mesh_follows_the_smooth_surface_to_a_hundredth_of_a_millimetre
 
 def test_normals_are_the_gradient_of_the_implicit_function(phantom):
     p_S, step = phantom.skin.vertices_S[::50], 1e-7
-    gradient = np.stack([phantom.level(p_S + step * e) - phantom.level(p_S - step * e) for e in np.eye(3)], axis=1)
+    gradient = np.stack(
+        [phantom.level(p_S + step * e) - phantom.level(p_S - step * e) for e in np.eye(3)], axis=1
+    )
     gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
     np.testing.assert_allclose(phantom.skin.normals_S[::50], gradient, atol=1e-6)
 
@@ -78,7 +80,9 @@ def test_the_seed_varies_the_shape_a_little_and_repeatably():
 def volume_of(shape):
     """Without nipple and areola, in closed form [m^3]."""
     height = shape.height - shape.nipple_height - shape.areola_height
-    return np.pi * shape.radius**2 * (1 - shape.elongation**2) * height * (0.5 + shape.roundness / 6)
+    return (
+        np.pi * shape.radius**2 * (1 - shape.elongation**2) * height * (0.5 + shape.roundness / 6)
+    )
 
 
 @pytest.mark.parametrize("breast", list(SHAPES))
@@ -107,7 +111,9 @@ def test_classes_grow_with_fat_as_victres_do():
 
 
 def test_size_scales_the_whole_shape():
-    one, twice = (Phantom(PhantomConfig(breast="scattered", size=size, seed=3)).skin for size in (0.6, 1.2))
+    one, twice = (
+        Phantom(PhantomConfig(breast="scattered", size=size, seed=3)).skin for size in (0.6, 1.2)
+    )
     np.testing.assert_allclose(twice.vertices_S, 2 * one.vertices_S, atol=1e-12)
     np.testing.assert_allclose(twice.normals_S, one.normals_S, atol=1e-8)
 
@@ -116,7 +122,9 @@ def test_without_asymmetry_and_ptosis_the_base_is_an_ellipse_and_the_nipple_over
     phantom = Phantom(PhantomConfig(breast="heterogeneous", asymmetry=0.0, ptosis=0.0))
     loop_S = phantom.level_loop(0.0, 360)
     np.testing.assert_allclose(loop_S.mean(axis=0), 0.0, atol=1e-12)
-    np.testing.assert_allclose(phantom.embed(np.array([[0.0, 0.0, 1.0]]))[0], [0, 0, phantom.height], atol=1e-12)
+    np.testing.assert_allclose(
+        phantom.embed(np.array([[0.0, 0.0, 1.0]]))[0], [0, 0, phantom.height], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -141,7 +149,13 @@ def test_impossible_phantoms_are_refused(wrong, why):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"gland_share": 1.0}, {"gland_ratio": -3.0}, {"mass_ratio": 0.0}, {"mass_radius": -0.01}, {"skin_ratio": np.nan}],
+    [
+        {"gland_share": 1.0},
+        {"gland_ratio": -3.0},
+        {"mass_ratio": 0.0},
+        {"mass_radius": -0.01},
+        {"skin_ratio": np.nan},
+    ],
 )
 def test_impossible_tissues_are_refused(wrong):
     with pytest.raises(ConfigError):
@@ -180,4 +194,6 @@ def test_the_plate_has_the_tone_of_the_skin(phantom, skin_texture):
 def _as_seen_by_the_camera(image: np.ndarray) -> np.ndarray:
     texel = 0.1e-3  # of the 100 mm from nipple to base over half the image
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    return cv2.resize(grey, None, fx=texel / CAMERA_PIXEL, fy=texel / CAMERA_PIXEL, interpolation=cv2.INTER_AREA)
+    return cv2.resize(
+        grey, None, fx=texel / CAMERA_PIXEL, fy=texel / CAMERA_PIXEL, interpolation=cv2.INTER_AREA
+    )

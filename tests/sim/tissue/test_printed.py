@@ -40,7 +40,9 @@ def test_five_newtons_take_four_tenths_of_a_millimetre_and_the_skin_stays(phanto
 
 
 def test_the_deepest_point_is_the_one_that_a_search_of_the_skin_finds(phantom, printed):
-    """Tilted and turned probes; around the deepest vertex 4000 points of the smooth skin are tried."""
+    """Tilted and turned probes; around the deepest vertex 4000 points of the smooth skin are
+    tried.
+    """
     rng = np.random.default_rng(0)
     skin_direction = phantom.unembed(phantom.skin.vertices_S)
     for azimuth in rng.uniform(0, 2 * np.pi, 12):
@@ -54,9 +56,13 @@ def test_the_deepest_point_is_the_one_that_a_search_of_the_skin_finds(phantom, p
         assert overlap == pytest.approx(_depths(phantom.embed(tried), X_SP).max(), abs=5e-6)
 
 
-def _depths(p_S: Float[np.ndarray, "n 3"], X_SP: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "n"]:
+def _depths(
+    p_S: Float[np.ndarray, "n 3"], X_SP: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "n"]:
     """How deep points lie in the face [m]."""
-    return np.array([-distance(ProbeFace().numbers(), *p_P)[0] for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]])
+    return np.array(
+        [-distance(ProbeFace().numbers(), *p_P)[0] for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
+    )
 
 
 def test_force_is_continuous_over_micrometres(phantom, printed):

@@ -1,4 +1,6 @@
-"""The tissue against closed forms, against full finite elements, and against the laws of mechanics."""
+"""The tissue against closed forms, against full finite elements, and against the laws of
+mechanics.
+"""
 
 import warnings
 from dataclasses import replace
@@ -23,7 +25,8 @@ from tests.sim.tissue.finite_element_contact import finite_element_force
 from tests.sim.tissue.press_poses import REST, loop_pose
 
 COARSE = 300
-"""Finite-element vertices on the skin: half a second to solve, within 4 % of the converged force."""
+"""Finite-element vertices on the skin: half a second to solve, within 4 % of the converged
+force."""
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +52,14 @@ def axial_force(tissue: SoftTissue, phantom: Phantom, azimuth: float, depth: flo
 
 def test_a_sphere_on_a_half_space_presses_back_as_hertz_says():
     """F = 4/3 E* sqrt(R) d^1.5, on a triangular lattice of contact points."""
-    spacing, radius, depth, compliance = 1e-3, 0.06, 1.5e-3, softness(0.45) / 30e3
+    spacing = 1e-3
+    radius = 0.06
+    depth = 1.5e-3
+    compliance = softness(0.45) / 30e3
     rows, columns = np.mgrid[-14:15, -14:15].reshape(2, -1)
-    points = spacing * np.stack([columns + 0.5 * (rows % 2), rows * np.sqrt(0.75), 0 * rows], axis=1)
+    points = spacing * np.stack(
+        [columns + 0.5 * (rows % 2), rows * np.sqrt(0.75), 0 * rows], axis=1
+    )
     areas = np.full(len(points), np.sqrt(0.75) * spacing**2)
     gap = (points**2).sum(axis=1) / (2 * radius) - depth
     flexibility, everyone = np.zeros((len(points), len(points))), np.arange(len(points))
@@ -63,7 +71,9 @@ def test_a_sphere_on_a_half_space_presses_back_as_hertz_says():
 
 
 def test_flexibility_is_reciprocal_and_stores_energy(phantom, compliance):
-    """Maxwell's reciprocity (the elements' spread loads keep it to their order), and positive definiteness."""
+    """Maxwell's reciprocity (the elements' spread loads keep it to their order), and positive
+    definiteness.
+    """
     inward = -np.einsum("jic,ic->ij", compliance.response_S, compliance.normals_S)
     assert np.linalg.norm(inward - inward.T) < 0.15 * np.linalg.norm(inward)
     flexibility = contact_surface(phantom, compliance).flexibility
@@ -72,7 +82,9 @@ def test_flexibility_is_reciprocal_and_stores_energy(phantom, compliance):
 
 
 def test_press_agrees_with_contact_solved_in_full_finite_elements(phantom):
-    """A broad face, which wide finite elements can resolve; the tractions there follow the face, here the skin."""
+    """A broad face, which wide finite elements can resolve; the tractions there follow the face,
+    here the skin.
+    """
     face = ProbeFace(elevation=0.04, edge_radius=0.015)
     X_SP = loop_pose(phantom, 0.7, 0.004)
     reference_S = finite_element_force(phantom, COARSE, face, X_SP)
@@ -107,7 +119,11 @@ def test_a_probe_off_the_skin_feels_nothing_even_when_it_moves(phantom, tissue):
 
 def test_five_newtons_indent_the_default_phantom_by_about_six_millimetres(phantom, tissue):
     for azimuth in np.linspace(0, 2 * np.pi, 8, endpoint=False):
-        assert axial_force(tissue, phantom, azimuth, 0.0045) < 5 < axial_force(tissue, phantom, azimuth, 0.0075)
+        assert (
+            axial_force(tissue, phantom, azimuth, 0.0045)
+            < 5
+            < axial_force(tissue, phantom, azimuth, 0.0075)
+        )
 
 
 def test_force_grows_with_depth_as_between_a_punch_and_hertz(phantom, tissue):
@@ -144,13 +160,17 @@ def test_force_is_continuous_over_micrometres(phantom, tissue):
     X_SP = loop_pose(phantom, 2.0, 0.0055)
     for axis in range(3):
         way_S = np.arange(200)[:, None] * 2e-6 * X_SP[:3, axis]
-        force = np.array([tissue.press(_moved(X_SP, X_SP[:3, 3] + step), REST).force_S for step in way_S])
+        force = np.array(
+            [tissue.press(_moved(X_SP, X_SP[:3, 3] + step), REST).force_S for step in way_S]
+        )
         assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() < 0.01
 
 
 @pytest.mark.parametrize("spin_deg", [0, 45, 75, 90])
 def test_force_hardly_ripples_as_the_probe_slides_along_the_loop(phantom, tissue, spin_deg):
-    """At constant depth the force follows the shape slowly; what is faster than 40 mm is the mesh."""
+    """At constant depth the force follows the shape slowly; what is faster than 40 mm is the
+    mesh.
+    """
     spun = np.eye(4)
     spun[:3, :3] = Rotation.from_euler("z", spin_deg, degrees=True).as_matrix()
     azimuths = np.linspace(0, 2 * np.pi, 800, endpoint=False)
@@ -176,14 +196,18 @@ def test_gel_drags_against_sliding_by_its_friction_coefficient(phantom, tissue):
     across_S = np.cross(still, X_SP[:3, 0])
     across_S /= np.linalg.norm(across_S)
     dragged = tissue.press(X_SP, 0.025 * across_S).force_S - still
-    assert dragged @ across_S == pytest.approx(-phantom.config.gel_friction * np.linalg.norm(still), rel=0.02)
+    assert dragged @ across_S == pytest.approx(
+        -phantom.config.gel_friction * np.linalg.norm(still), rel=0.02
+    )
     slow = tissue.press(X_SP, 1e-6 * across_S).force_S - still
     assert np.linalg.norm(slow) < 1e-3
 
 
 def test_tissue_resists_indentation_and_never_pulls(phantom, tissue):
     X_SP = loop_pose(phantom, 0.7, 0.005)
-    force = [-tissue.press(X_SP, v * X_SP[:3, 2]).force_S @ X_SP[:3, 2] for v in (-1.0, -0.02, 0.0, 0.02)]
+    force = [
+        -tissue.press(X_SP, v * X_SP[:3, 2]).force_S @ X_SP[:3, 2] for v in (-1.0, -0.02, 0.0, 0.02)
+    ]
     assert np.all(np.diff(force) > 0)
     assert force[0] >= -0.1
     assert force[3] == pytest.approx(1.06 * force[2], rel=0.01)
@@ -203,25 +227,40 @@ def test_the_patch_carries_the_force_and_lies_on_the_face(phantom, tissue):
     X_SP = loop_pose(phantom, 0.7, 0.006)
     contact, patch = tissue.press(X_SP, REST), tissue.patch()
     assert patch.pressure @ patch.areas == pytest.approx(np.linalg.norm(contact.force_S), rel=0.03)
-    off_the_face = [distance(ProbeFace().numbers(), *p)[0] for p in (patch.points_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
+    off_the_face = [
+        distance(ProbeFace().numbers(), *p)[0]
+        for p in (patch.points_S - X_SP[:3, 3]) @ X_SP[:3, :3]
+    ]
     assert np.abs(off_the_face).max() < 5e-4
     assert len(patch.areas) == contact.vertices
 
 
 def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, compliance):
-    """An oblique probe: walking along each normal, in steps of .05 mm, the face is met where the gap says."""
+    """An oblique probe: walking along each normal, in steps of .05 mm, the face is met where the
+    gap says.
+    """
     surface = contact_surface(phantom, compliance)
     X_SP = loop_pose(phantom, 0.7, 0.005)
     tilt = np.radians(20)
-    X_SP[:3, :3] = X_SP[:3, :3] @ [[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]
+    X_SP[:3, :3] = X_SP[:3, :3] @ [
+        [1, 0, 0],
+        [0, np.cos(tilt), -np.sin(tilt)],
+        [0, np.sin(tilt), np.cos(tilt)],
+    ]
     index = find_near(ProbeFace().numbers(), X_SP, surface.vertices_S)
-    gap = find_gaps(ProbeFace().numbers(), X_SP, surface.vertices_S[index], surface.normals_S[index])
+    gap = find_gaps(
+        ProbeFace().numbers(), X_SP, surface.vertices_S[index], surface.normals_S[index]
+    )
     assert np.sum(gap < 0) > 30
     inward = np.arange(0.016, -MARGIN, -5e-5)
     for i, expected in zip(index[gap < 0], -gap[gap < 0], strict=True):
-        way_P = (surface.vertices_S[i] - inward[:, None] * surface.normals_S[i] - X_SP[:3, 3]) @ X_SP[:3, :3]
+        way_P = (
+            surface.vertices_S[i] - inward[:, None] * surface.normals_S[i] - X_SP[:3, 3]
+        ) @ X_SP[:3, :3]
         met = next(k for k, p in enumerate(way_P) if distance(ProbeFace().numbers(), *p)[0] <= 0)
-        steepness = -np.dot(distance(ProbeFace().numbers(), *way_P[met])[1:], surface.normals_S[i] @ X_SP[:3, :3])
+        steepness = -np.dot(
+            distance(ProbeFace().numbers(), *way_P[met])[1:], surface.normals_S[i] @ X_SP[:3, :3]
+        )
         if steepness > GRAZING:
             assert inward[met] == pytest.approx(expected, abs=6e-5)
         else:
@@ -229,7 +268,9 @@ def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, complia
 
 
 def test_the_deformed_skin_wraps_the_probes_face(phantom, tissue):
-    """Under the middle of the face, within the .2 mm that the skin moves sideways on a curved face."""
+    """Under the middle of the face, within the .2 mm that the skin moves sideways on a curved
+    face.
+    """
     X_SP = loop_pose(phantom, 0.7, 0.006)
     tissue.press(X_SP, REST)
     skin_P = (tissue.deformed_skin() - X_SP[:3, 3]) @ X_SP[:3, :3]

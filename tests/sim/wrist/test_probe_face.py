@@ -18,7 +18,9 @@ def test_the_tip_lies_on_the_face_and_z_leads_out_of_it():
 def test_the_face_is_an_arc_of_sixty_millimetres_radius_between_its_edges():
     x = np.linspace(-0.025, 0.025, 11)
     z = np.sqrt(0.06**2 - x**2) - 0.06
-    assert [distance(FACE.numbers(), *p)[0] for p in zip(x, 0 * x, z, strict=True)] == pytest.approx(0 * x, abs=1e-12)
+    assert [
+        distance(FACE.numbers(), *p)[0] for p in zip(x, 0 * x, z, strict=True)
+    ] == pytest.approx(0 * x, abs=1e-12)
 
 
 def test_the_probe_is_as_wide_as_its_elevation_and_no_longer_than_its_arc():
@@ -37,7 +39,9 @@ def test_moving_down_the_gradient_by_the_distance_reaches_the_face(x, y, z):
         assert distance(FACE.numbers(), *foot)[0] == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("wrong", [{"edge_radius": 0.0}, {"edge_radius": 0.02}, {"arc": 0.2}, {"arc": 0.001}])
+@pytest.mark.parametrize(
+    "wrong", [{"edge_radius": 0.0}, {"edge_radius": 0.02}, {"arc": 0.2}, {"arc": 0.001}]
+)
 def test_impossible_faces_are_refused(wrong):
     with pytest.raises(ConfigError):
         ProbeFace(**wrong)

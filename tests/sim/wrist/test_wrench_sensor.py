@@ -25,13 +25,17 @@ def sensor(**errors):
 
 
 def load_F(force_P, torque_P, R_WF, acceleration_W=REST):
-    """Newton: weight and inertia at the payload's centre and a wrench at the tip, about the measuring point."""
+    """Newton: weight and inertia at the payload's centre and a wrench at the tip, about the
+    measuring point.
+    """
     load = payload(ANGLE)
     measured_at_F = np.array([0, 0, SENSOR_HEIGHT])
     weight_F = R_WF.T @ (load.mass * (GRAVITY_W - acceleration_W))
     force_F, torque_F = X_FP[:3, :3] @ force_P, X_FP[:3, :3] @ torque_P
     moment_F = (
-        torque_F + np.cross(X_FP[:3, 3] - measured_at_F, force_F) + np.cross(load.centre_F - measured_at_F, weight_F)
+        torque_F
+        + np.cross(X_FP[:3, 3] - measured_at_F, force_F)
+        + np.cross(load.centre_F - measured_at_F, weight_F)
     )
     return np.concatenate([force_F + weight_F, moment_F])
 
@@ -62,19 +66,26 @@ def test_weight_is_taken_out_and_the_tip_wrench_remains_in_any_orientation(seed)
 
 def test_inertia_is_taken_out_exactly_where_the_acceleration_is_known():
     acceleration_W = np.array([2.0, -1.0, 3.0])
-    measured_P = sensor().measure(load_F(REST, REST, DOWN, acceleration_W), DOWN, REST, acceleration_W)
+    measured_P = sensor().measure(
+        load_F(REST, REST, DOWN, acceleration_W), DOWN, REST, acceleration_W
+    )
     np.testing.assert_allclose(measured_P, 0, atol=1e-12)
 
 
 def test_inertia_by_the_speeds_of_two_samples_leaves_what_the_acceleration_changed_in_a_period():
-    """A shake of 5 mm at 5 Hz, 4.9 m/s^2: a period late, 6 % is left of the 1.9 N that would read as contact."""
+    """A shake of 5 mm at 5 Hz, 4.9 m/s^2: a period late, 6 % is left of the 1.9 N that would
+    read as contact.
+    """
     one = sensor(knows_acceleration=False)
     w, way = 2 * np.pi * 5.0, 0.005
     readings = []
     for t in PERIOD * np.arange(500):
         velocity_W = np.array([0, 0, way * w * np.cos(w * t)])
-        acceleration_W = np.array([0, 0, -way * w**2 * np.sin(w * (t + PERIOD / 2))])  # that leads to the next speed
-        readings.append(one.measure(load_F(REST, REST, DOWN, acceleration_W), DOWN, velocity_W, acceleration_W))
+        # that leads to the next speed
+        acceleration_W = np.array([0, 0, -way * w**2 * np.sin(w * (t + PERIOD / 2))])
+        readings.append(
+            one.measure(load_F(REST, REST, DOWN, acceleration_W), DOWN, velocity_W, acceleration_W)
+        )
     peak = np.linalg.norm(np.array(readings)[2:, :3], axis=1).max()
     whole = payload(ANGLE).mass * way * w**2
     assert peak == pytest.approx(whole * w * PERIOD, rel=0.1)
@@ -94,7 +105,10 @@ def test_noise_has_the_classs_rms_and_repeats_with_its_seed(quality):
     runs = [
         read_F(
             sensor(
-                force_noise=errors.force_noise, torque_noise=errors.torque_noise, bandwidth=errors.bandwidth, seed=3
+                force_noise=errors.force_noise,
+                torque_noise=errors.torque_noise,
+                bandwidth=errors.bandwidth,
+                seed=3,
             ),
             count=8000,
         )
@@ -110,7 +124,9 @@ def test_noise_has_the_classs_rms_and_repeats_with_its_seed(quality):
 def test_a_sine_at_the_bandwidth_comes_through_3_db_down(bandwidth):
     one = sensor(bandwidth=bandwidth)
     times = PERIOD * np.arange(1000)
-    read = np.array([held(one, np.array([0, 0, np.sin(2 * np.pi * bandwidth * t)]))[0, 2] for t in times])
+    read = np.array(
+        [held(one, np.array([0, 0, np.sin(2 * np.pi * bandwidth * t)]))[0, 2] for t in times]
+    )
     wave = np.exp(-2j * np.pi * bandwidth * times)[500:]
     assert 2 * abs((wave * read[500:]).mean()) == pytest.approx(1 / np.sqrt(2), rel=0.01)
 
@@ -152,7 +168,9 @@ def test_readings_come_in_steps_of_the_resolution():
     np.testing.assert_allclose(np.rint(read[:, :3] / 0.1) * 0.1, read[:, :3], atol=1e-12)
     steps = np.diff(np.unique(np.round(read[:, 2], 9)))
     np.testing.assert_allclose(steps, 0.1, atol=1e-9)
-    error = read[:, 2] - [load_F(np.array([0, 0, -f]), REST, DOWN)[2] for f in np.linspace(0, 1, 500)]
+    error = read[:, 2] - [
+        load_F(np.array([0, 0, -f]), REST, DOWN)[2] for f in np.linspace(0, 1, 500)
+    ]
     assert error.std() == pytest.approx(0.1 / np.sqrt(12), rel=0.1)
 
 
@@ -210,8 +228,9 @@ def test_a_payload_entered_wrong_reads_as_a_force():
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("force_noise", -0.1), ("torque_noise", np.nan), ("drift", np.inf), ("bandwidth", 0.0), ("force_range", -1.0),
-        ("sample_rate", 0.0), ("sample_rate", 300.0), ("sample_rate", 1000.0),
+        ("force_noise", -0.1), ("torque_noise", np.nan), ("drift", np.inf), ("bandwidth", 0.0),
+        ("force_range", -1.0), ("sample_rate", 0.0), ("sample_rate", 300.0),
+        ("sample_rate", 1000.0),
     ],
 )  # fmt: skip
 def test_impossible_sensors_are_refused(name, value):

@@ -42,7 +42,9 @@ def test_no_board_is_found_where_none_is(level):
     assert find_shot("a", empty, empty, BOARD) is None
 
 
-@pytest.mark.parametrize("wrong", [{"columns": 2}, {"rows": 0}, {"square": 0.0}, {"square": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"columns": 2}, {"rows": 0}, {"square": 0.0}, {"square": float("nan")}]
+)
 def test_boards_that_cannot_be_are_refused(wrong):
     with pytest.raises(CalibrationError):
         Board(**wrong)

@@ -16,7 +16,9 @@ from breastscan.vision.matching.disparity_filters import (
 def patchy(seed: int, shape: tuple[int, int] = (90, 130)) -> np.ndarray:
     """Whole-number disparities in smooth patches of all sizes, a fifth unknown."""
     rng = np.random.default_rng(seed)
-    coarse = cv2.resize(rng.integers(1, 9, (30, 44)).astype(np.uint16), shape[::-1], interpolation=cv2.INTER_NEAREST)
+    coarse = cv2.resize(
+        rng.integers(1, 9, (30, 44)).astype(np.uint16), shape[::-1], interpolation=cv2.INTER_NEAREST
+    )
     whole = 40 * coarse + rng.integers(0, 8, shape).astype(np.uint16)
     whole[rng.random(shape) < 0.2] = UNKNOWN
     return whole

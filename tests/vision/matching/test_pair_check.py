@@ -22,7 +22,9 @@ def test_pair_that_is_no_better_the_other_way_round_passes():
     check_order(partly_known(0.3), partly_known(0.35))
 
 
-@pytest.mark.parametrize(("shade", "fault"), [(3, "black"), (255, "saturated"), (120, "no texture")])
+@pytest.mark.parametrize(
+    ("shade", "fault"), [(3, "black"), (255, "saturated"), (120, "no texture")]
+)
 def test_image_of_one_shade_is_refused_by_its_name(shade, fault):
     with pytest.raises(PerceptionError, match=rf"the left image .*{fault}"):
         check_exposure(np.full((20, 30), shade, np.uint8), "the left image")

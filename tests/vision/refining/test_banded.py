@@ -7,9 +7,13 @@ from breastscan.vision.refining.banded import factorized, inverse_within_band, p
 def random_band(size: int = 30, band: int = 6, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """A banded positive definite matrix, in banded and in full form."""
     rng = np.random.default_rng(seed)
-    upper = np.triu(rng.normal(0, 1, (size, size))) * (np.subtract.outer(range(size), range(size)) > -band)
+    upper = np.triu(rng.normal(0, 1, (size, size))) * (
+        np.subtract.outer(range(size), range(size)) > -band
+    )
     full = upper.T @ upper + np.eye(size)
-    banded = np.array([[full[j, j + k] if j + k < size else 0.0 for k in range(band)] for j in range(size)])
+    banded = np.array(
+        [[full[j, j + k] if j + k < size else 0.0 for k in range(band)] for j in range(size)]
+    )
     return banded, full
 
 
@@ -17,7 +21,9 @@ def random_band(size: int = 30, band: int = 6, seed: int = 0) -> tuple[np.ndarra
 def test_solution_is_numpys(size, band):
     banded, full = random_band(size, band)
     right_side = np.random.default_rng(1).normal(0, 1, size)
-    np.testing.assert_allclose(solved(factorized(banded), right_side), np.linalg.solve(full, right_side), rtol=1e-9)
+    np.testing.assert_allclose(
+        solved(factorized(banded), right_side), np.linalg.solve(full, right_side), rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("size", "band"), [(30, 6), (4, 9), (1, 1)])
@@ -36,5 +42,8 @@ def test_indefinite_matrix_is_refused():
 
 
 def test_product_is_numpys():
-    a, b = np.random.default_rng(2).normal(0, 1, (7, 5)), np.random.default_rng(3).normal(0, 1, (5, 9))
+    a, b = (
+        np.random.default_rng(2).normal(0, 1, (7, 5)),
+        np.random.default_rng(3).normal(0, 1, (5, 9)),
+    )
     np.testing.assert_allclose(product(a, b), a @ b)

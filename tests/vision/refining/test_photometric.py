@@ -19,7 +19,9 @@ def test_right_image_between_pixels_is_scipys_cubic_interpolation():
     levels, right, region = grey_levels()
     disparity = np.random.default_rng(1).uniform(3, 9, levels.left.shape)
     value, _ = levels.right_at(disparity)
-    for row, column, d, got in zip(levels.row.flat, levels.column.flat, disparity.flat, value.flat, strict=True):
+    for row, column, d, got in zip(
+        levels.row.flat, levels.column.flat, disparity.flat, value.flat, strict=True
+    ):
         spline = make_interp_spline(np.arange(60.0), right[region.top + row].astype(float), k=3)
         assert abs(got - spline(column - d)) < 0.05
 

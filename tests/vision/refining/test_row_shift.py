@@ -17,18 +17,27 @@ SCENE = DomeScene()
 
 
 def moved(right: np.ndarray, offset: float, along_x: float, along_y: float) -> np.ndarray:
-    """The right image as a camera sees it whose rows are off by so much: what was on row y lies on y + shift."""
+    """The right image as a camera sees it whose rows are off by so much: what was on row y lies
+    on y + shift.
+    """
     y, x = np.mgrid[: SCENE.height_px, : SCENE.width_px].astype(np.float32)
     shift = offset + along_x * (x - 200) + along_y * (y - 220)
-    # where the shift rises along y, the inverse of y + shift(y) is wanted: one fixed-point step is exact to 1e-5 px
+    # where the shift rises along y, the inverse of y + shift(y) is wanted: one fixed-point step is
+    # exact to 1e-5 px
     source = y - (offset + along_x * (x - 200) + along_y * (y - shift - 220))
-    return cv2.remap(right, x, source.astype(np.float32), cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.remap(
+        right, x, source.astype(np.float32), cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE
+    )
 
 
 @cache
 def refined(offset: float, along_x: float, along_y: float) -> RefinedDisparity:
     pair = SCENE.pair()
-    right = pair.right if offset == along_x == along_y == 0 else moved(pair.right, offset, along_x, along_y)
+    right = (
+        pair.right
+        if offset == along_x == along_y == 0
+        else moved(pair.right, offset, along_x, along_y)
+    )
     matched = disparity_map(pair.left, right, StereoConfig())
     return refine(pair.left, right, matched, segment_breast(triangulate(matched, pair)).mask)
 

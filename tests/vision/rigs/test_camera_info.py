@@ -16,7 +16,9 @@ def data(text, name):
 def test_ros_reads_the_intrinsics_and_the_baseline(tmp_path):
     rig = make_rig()
     write_camera_info(tmp_path, rig)
-    left, right = ((tmp_path / f"{side}_camera_info.yaml").read_text() for side in ("left", "right"))
+    left, right = (
+        (tmp_path / f"{side}_camera_info.yaml").read_text() for side in ("left", "right")
+    )
     np.testing.assert_array_equal(data(left, "camera_matrix"), rig.left.K)
     np.testing.assert_array_equal(data(right, "distortion_coefficients")[0], rig.right.distortion)
     P_left, P_right = data(left, "projection_matrix"), data(right, "projection_matrix")

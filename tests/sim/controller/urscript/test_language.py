@@ -1,4 +1,6 @@
-"""URScript as client libraries upload it: what programs compute, when they wait, and what they are told."""
+"""URScript as client libraries upload it: what programs compute, when they wait, and what they
+are told.
+"""
 
 import time
 
@@ -237,7 +239,11 @@ def test_nobody_else_has_a_turn_while_a_thread_is_in_a_critical_section():
         ("global a = 0\ndef f():\nlocal a = 1\nsay(a)\nend\nf()\nsay(a)", [1, 0]),
         ("global a = 0\ndef f():\na = 1\nend\nf()\nsay(a)", [1]),
         ("a = 0\ndef f():\na = 1\nend\nf()\nsay(a)", [1]),
-        ("global a = 0\ndef f():\nlocal a = 1\ndef g():\na = 2\nend\ng()\nsay(a)\nend\nf()\nsay(a)", [1, 2]),
+        (
+            "global a = 0\ndef f():\nlocal a = 1\ndef g():\na = "
+            "2\nend\ng()\nsay(a)\nend\nf()\nsay(a)",
+            [1, 2],
+        ),
         ("def f():\nglobal b = 7\nend\nf()\nsay(b)", [7]),
     ],
 )
@@ -246,9 +252,14 @@ def test_scopes(body, values):
 
 
 def test_values_are_never_shared():
-    assert said("a = [1, 2]\nb = a\nb[0] = 9\nsay(a)\nsay(b)\nc = [a, b]\nc[0, 1] = 5\nsay(c)\nsay(a)") == [
-        (1, 2), (9, 2), ((1, 5), (9, 2)), (1, 2),
-    ]  # fmt: skip
+    assert said(
+        "a = [1, 2]\nb = a\nb[0] = 9\nsay(a)\nsay(b)\nc = [a, b]\nc[0, 1] = 5\nsay(c)\nsay(a)"
+    ) == [
+        (1, 2),
+        (9, 2),
+        ((1, 5), (9, 2)),
+        (1, 2),
+    ]
 
 
 def test_a_value_that_stands_on_the_next_line_belongs_to_the_assignment():
@@ -282,13 +293,21 @@ def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
         ("def main():\n add(a=1, 2)\nend", 2, "come before"),
         ("def main():\n port(48)\nend", 2, "integer from 0 to 47"),
         ("def main():\n x = 99999999999\nend", 2, "larger than an integer"),
-        ("def main():\n x = " + "(" * 5000 + "1" + ")" * 5000 + "\nend", 2, f"deeper than {DEEPEST}"),
+        (
+            "def main():\n x = " + "(" * 5000 + "1" + ")" * 5000 + "\nend",
+            2,
+            f"deeper than {DEEPEST}",
+        ),
         ("def main():\n x = " + "[" * 200_000, 2, f"deeper than {DEEPEST}"),
         ("def main():\n x = " + "not " * 1000 + "True\nend", 2, f"deeper than {DEEPEST}"),
         ("def main():\n x = y" + " + y" * 1000 + "\nend", 2, f"deeper than {DEEPEST}"),
         ("def main():\n x = [" + "0, " * 5000 + "0]\nend", 2, "words at most"),
         ("def main():\n x = True" + " or True" * 5000 + "\nend", 2, "words at most"),
-        ("def main():\n" + "if True:\n" * 5000 + "end\n" * 5001, DEEPEST + 3, f"deeper than {DEEPEST}"),
+        (
+            "def main():\n" + "if True:\n" * 5000 + "end\n" * 5001,
+            DEEPEST + 3,
+            f"deeper than {DEEPEST}",
+        ),
         (
             "def main():\n" + "".join(f"a{k} = 1\n" for k in range(MOST_VARIABLES + 1)) + "end",
             1,
@@ -326,7 +345,8 @@ def test_what_is_no_program_is_refused_with_line_and_reason(source, line, why):
         ("join 3", "takes a thread"),
         ("def f():\nsay(a)\nlocal a = 1\nend\nf()", "before it has a value"),
         ("def f(x):\nreturn f(x + 1)\nend\nf(1)", f"{DEEPEST_CALL} deep"),
-        (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MOST_THREADS}:\nx = run t()\ni = i + 1\nend",
+        (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MOST_THREADS}:\nx = run "
+         "t()\ni = i + 1\nend",
          f"{MOST_THREADS} threads"),
         ('x = "' + "a" * 1000 + '"\ny = [' + "x, " * 20 + "x]", f"{LONGEST_LIST} elements"),
         (
@@ -386,8 +406,9 @@ def test_threads_that_had_no_turn_begin_the_next_period():
 
     machine.functions["long"] = row("long", long, costly=True)
     machine.run(
-        "thread a():\nwhile True:\nlong()\nsay(1)\nend\nend\nthread b():\nwhile True:\nlong()\nsay(2)\n"
-        "end\nend\nx = run a()\ny = run b()\nwhile True:\nlong()\nsay(0)\nend",
+        "thread a():\nwhile True:\nlong()\nsay(1)\nend\nend\nthread b():\nwhile "
+        "True:\nlong()\nsay(2)\nend\nend\nx = run a()\ny = run b()\nwhile "
+        "True:\nlong()\nsay(0)\nend",
         periods=9,
     )
     assert set(machine.said[-3:]) == {0, 1, 2}
@@ -411,7 +432,8 @@ def test_a_program_that_runs_again_has_forgotten_what_it_knew():
 
 
 def test_programs_arrive_whole_however_the_packets_are_cut():
-    text = b"set unlock protective stop\ndef a():\n if True:\n  x = 1\n end\nend\nsec b():\n y = 1\nend\n"
+    text = b"set unlock protective stop\ndef a():\n if True:\n  x = 1\n end\nend\n"
+    text += b"sec b():\n y = 1\nend\n"
     for size in (1, 7, len(text)):
         splitter = Splitter()
         pieces = [text[i : i + size] for i in range(0, len(text), size)]
