@@ -1,7 +1,9 @@
 """What settings must satisfy wherever they stand."""
 
 import dataclasses
+import difflib
 import math
+from collections.abc import Iterable
 
 from breastscan.errors import ConfigError
 
@@ -30,3 +32,28 @@ def require_positive(config: object, name: str, *, but: tuple[str, ...] = ()) ->
             and not 0 < value < math.inf
         ):
             raise ConfigError(f"{option} must be a positive number, got {value}", value)
+
+
+def require_seed(seed: int | None, name: str = "seed") -> None:
+    """Accept a seed that a generator takes, or none.
+
+    Raises:
+        ConfigError: It is negative.
+    """
+    if seed is not None and seed < 0:
+        raise ConfigError(f"{name} must be a whole number from 0 on, got {seed}", seed)
+
+
+def require_known(name: str, known: Iterable[str], what: str) -> None:
+    """Accept one of some names; of another, tell the nearest.
+
+    Raises:
+        ConfigError: It is none of them.
+    """
+    names = list(known)
+    if name not in names:
+        near = difflib.get_close_matches(name, names, 1)
+        meant = f", did you mean {near[0]}" if near else ""
+        raise ConfigError(
+            f"there is no {what} {name!r}{meant}: use one of {', '.join(names)}", name
+        )

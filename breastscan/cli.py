@@ -2,12 +2,14 @@
 
 import sys
 from importlib import import_module
+from importlib.metadata import version
 
 import tyro
 from rich.console import Console
 
+from breastscan.checks import require_known
 from breastscan.commands.console import twin_imports
-from breastscan.errors import BreastScanError, ConfigError
+from breastscan.errors import BreastScanError
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
@@ -48,13 +50,13 @@ def main(arguments: list[str] | None = None) -> None:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(usage())
         sys.exit(0 if arguments else 2)
+    if arguments[0] == "--version":
+        print(f"breastscan {version('breastscan')}")
+        return
     name, *rest = arguments
     errors = Console(stderr=True)
     try:
-        if name not in COMMANDS:
-            raise ConfigError(
-                f"there is no command {name!r}: use one of {', '.join(COMMANDS)}", name
-            )
+        require_known(name, COMMANDS, "command")
         with twin_imports():
             module = import_module(f"breastscan.commands.{name}")
         tyro.cli(getattr(module, name), args=rest, prog=f"breastscan {name}")

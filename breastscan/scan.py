@@ -21,7 +21,7 @@ from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import NoBreastError
+from breastscan.errors import ConfigError, NoBreastError
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import Feed, FeedrateLimits
@@ -63,6 +63,14 @@ class ScanConfig:
     """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
     contact: ContactConfig = field(default_factory=ContactConfig)
     safety: SafetyLimits = field(default_factory=SafetyLimits)
+
+    def __post_init__(self) -> None:
+        if not self.contact.force < self.safety.force:
+            raise ConfigError(
+                f"contact.force ({self.contact.force} N) must be below safety.force "
+                f"({self.safety.force} N), or the supervisor ends every scan",
+                self.contact.force,
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

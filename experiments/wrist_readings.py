@@ -80,7 +80,7 @@ def read(config: WrenchSensorConfig) -> Readings:
     still = replace(
         config, force_noise=0.0, torque_noise=0.0, drift=0.0, resolution=0.0, bandwidth=np.inf
     )
-    tilted = _held(scene, still, [DOWN, *_tilts(config.seed)], 1)
+    tilted = _held(scene, still, [DOWN, *_tilts(config.seed or 0)], 1)
     shaken, inertia = _shaken(scene)
     return Readings(
         quality=config.quality,

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from breastscan.checks import require_seed
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
@@ -49,6 +50,8 @@ HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
 phantom."""
 LOOKED_AT = 60
 """Points of the half-height loop that must lie in both pictures."""
+SEEDED = ("phantom", "arm", "camera", "wrist")
+"""Parts of a scene that are drawn."""
 LARGEST_MOUNT_ANGLE = np.deg2rad(90.0)
 
 
@@ -70,6 +73,8 @@ class SceneConfig:
     camera: CameraConfig = field(default_factory=CameraConfig)
 
     def __post_init__(self) -> None:
+        for name in SEEDED:
+            require_seed(getattr(self, name).seed, f"scene.{name}.seed")
         p = np.array(self.p_BS, float)
         if p.shape != (3,) or not np.isfinite(p).all():
             raise ConfigError(
@@ -93,12 +98,17 @@ class SceneConfig:
             )
 
     def seeded(self, seed: int) -> "SceneConfig":
-        """The scene with its phantom, arm, cameras and sensor drawn from one seed."""
-        drawn = {
-            name: replace(getattr(self, name), seed=seed)
-            for name in ("phantom", "arm", "camera", "wrist")
+        """The scene with what has no seed of its own drawn from one: phantom, arm, cameras, sensor.
+
+        Raises:
+            ConfigError: The seed is negative.
+        """
+        require_seed(seed)
+        parts = {name: getattr(self, name) for name in SEEDED}
+        unset = {
+            name: replace(part, seed=seed) for name, part in parts.items() if part.seed is None
         }
-        return replace(self, **drawn)
+        return replace(self, **unset)
 
 
 class Scene:

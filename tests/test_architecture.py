@@ -141,3 +141,11 @@ def test_perception_planning_and_control_never_read_the_truth(word):
     for module, path in MODULES.items():
         if floor(module) == 0 and room(module) not in {"report", "run"}:
             assert word not in path.read_text(encoding="utf-8"), f"{module} mentions {word}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_statement_hides_three_assignments(module):
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple):
+            targets = [t for t in node.targets if isinstance(t, ast.Tuple)]
+            assert all(len(t.elts) < 3 for t in targets), f"{module}, line {node.lineno}"

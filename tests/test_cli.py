@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 
@@ -109,3 +110,38 @@ def test_the_overview_and_doctor_load_neither_kernels_nor_pictures():
     )
     child = python("-c", code)
     assert child.stdout.strip() == "set()", child.stdout + child.stderr
+
+
+def test_the_version_is_told(capsys):
+    cli.main(["--version"])
+    assert capsys.readouterr().out.strip() == f"breastscan {version('breastscan')}"
+
+
+def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
+    assert "did you mean scan" in run(capsys, "scna")[2]
+    assert "did you mean joints" in run(capsys, "study", "joint")[2]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("scan", "--seed", "-1"),
+        ("scan", "--scene.phantom.seed", "-2"),
+        ("view", "--web", "--seed", "-1"),
+        ("calibrate", "--twin", "--seed", "-1"),
+        ("study", "weights", "--seed", "-1"),
+    ],
+)
+def test_a_negative_seed_is_refused_before_any_work(capsys, tmp_path, arguments):
+    status, _, err = run(capsys, *arguments, "--out", str(tmp_path / "out"))
+    assert status == 1
+    assert "seed must be a whole number from 0 on" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_set_point_above_the_supervisors_limit_is_refused_before_any_work(capsys, tmp_path):
+    options = ("--plan.contact.force", "16", "--out", str(tmp_path / "out"))
+    status, _, err = run(capsys, "scan", *options)
+    assert status != 0
+    assert "below safety.force" in err
+    assert not (tmp_path / "out").exists()

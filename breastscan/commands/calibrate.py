@@ -10,6 +10,7 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
+from breastscan.checks import require_seed
 from breastscan.commands import shots as files
 from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.report import calibration_figures as draw
@@ -44,6 +45,7 @@ def calibrate(
         PerceptionError: A picture cannot be read.
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
+    require_seed(seed)
     files.need_one_source(shots, twin)
     with staged(out) as folder:
         shown = None

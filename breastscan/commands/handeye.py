@@ -12,6 +12,7 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
+from breastscan.checks import require_seed
 from breastscan.commands import shots as files
 from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.errors import CalibrationError
@@ -54,6 +55,7 @@ def handeye(
         PerceptionError: A picture cannot be read.
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
+    require_seed(seed)
     files.need_one_source(shots, twin)
     cameras, held = StereoRig.load(rig), None
     with staged(out) as folder:

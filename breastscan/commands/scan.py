@@ -94,7 +94,7 @@ def scan(
         SafetyError: Nobody agreed to the contact, or a limit was passed.
         RobotError: The robot is not there, not ready, or stopped.
     """
-    scene = scene.seeded(seed)
+    drawn = scene.seeded(seed)
     if robot is None:
         if camera != TWIN or cell is not None or calibration is not None or dry_run or yes:
             raise ConfigError(
@@ -102,10 +102,10 @@ def scan(
                 "rtde://HOST as well"
             )
         settings = {"seed": seed, "video": video, "rig": rig, "scan": plan, "scene": scene}
-        _scan_twin(out, settings, rig, plan, scene, video=video, fine=fine)
+        _scan_twin(out, settings, rig, plan, drawn, video=video, fine=fine)
         return
     host = host_of(robot)
-    world = Scene(scene)
+    world = Scene(drawn)
     whole = robot_cell(world, cell, rig, calibration, link)
     options = {
         "robot": robot,

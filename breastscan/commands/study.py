@@ -7,8 +7,8 @@ import tyro
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
+from breastscan.checks import require_known, require_seed
 from breastscan.commands.console import Out, Seed, console
-from breastscan.errors import ConfigError
 from experiments import (
     study_cameras,
     study_force,
@@ -40,8 +40,8 @@ def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed
         out: Folder for study.md, study.json and the figures; by default out/study_NAME.
         seed: Seed of everything random.
     """
-    if name not in STUDIES:
-        raise ConfigError(f"there is no study {name!r}: use one of {', '.join(STUDIES)}", name)
+    require_seed(seed)
+    require_known(name, STUDIES, "study")
     folder = out or Path(f"out/study_{name}")
     STUDIES[name].run(folder, seed=seed)
     console.print(f"Figures and tables in {folder}")

@@ -52,9 +52,8 @@ def view(
     """
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
-    scene = scene.seeded(seed)
     with progress_bars() as listener:
-        world, tissue = build_world(scene, Stages(listener))
+        world, tissue = build_world(scene.seeded(seed), Stages(listener))
     with LiveView(world, live, plan.contact.force) as viewer:
         with staged(out) as folder:
             stages = Stages(viewer.stage)

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import cv2
@@ -92,11 +92,14 @@ def _plain(value: object) -> object:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what the numbers of a run depend on."""
-    return {
-        "python": platform.python_version(),
-        **{name: version(name) for name in REPORTED_VERSIONS},
-    }
+    """Versions of what the numbers of a run depend on; "not installed" where none is told."""
+    found = {"python": platform.python_version()}
+    for name in REPORTED_VERSIONS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:  # a tree that is run as it lies: no reason to lose a scan
+            found[name] = "not installed"
+    return found
 
 
 def write_image(path: Path, image: np.ndarray) -> None:

@@ -22,8 +22,8 @@ class ArmConfig:
     """nominal: the arm is as drawn. uncalibrated: every DH parameter deviates (.5 mm, .05 deg), and
     nobody knows. calibrated: it deviates as much, and the robot tells all of it but .05 mm and .005
     deg."""
-    seed: int = 0
-    """Draws the deviations: one number, one arm."""
+    seed: int | None = None
+    """Draws the deviations: one number, one arm; None follows the seed of the whole."""
 
 
 def true_arm(config: ArmConfig) -> KinematicCalibration:
@@ -35,7 +35,7 @@ def calibration(config: ArmConfig) -> KinematicCalibration:
     """What the robot tells of its arm: its calibration, or the nominal numbers."""
     if config.kinematics != "calibrated":
         return KinematicCalibration.nominal()
-    residual = np.random.default_rng([config.seed, 1]).standard_normal((4, 6))
+    residual = np.random.default_rng([config.seed or 0, 1]).standard_normal((4, 6))
     return _arm(_deviations(config) + _scaled(residual, LENGTH_RESIDUAL, ANGLE_RESIDUAL))
 
 
@@ -43,7 +43,7 @@ def _deviations(config: ArmConfig) -> np.ndarray:
     """Corrections of theta [rad], d [m], a [m] and alpha [rad], one row each."""
     if config.kinematics == "nominal":
         return np.zeros((4, 6))
-    drawn = np.random.default_rng(config.seed).standard_normal((4, 6))
+    drawn = np.random.default_rng(config.seed or 0).standard_normal((4, 6))
     return _scaled(drawn, LENGTH_SIGMA, ANGLE_SIGMA)
 
 

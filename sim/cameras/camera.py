@@ -29,7 +29,7 @@ class SimStereoCamera:
         """
         self._robot = robot
         self._config = config = scene.config.camera
-        self._rng = np.random.default_rng(config.seed)
+        self._rng = np.random.default_rng(config.seed or 0)
         self._moments = _moments(config)
         full = canvases(scene.rig, config.supersampling)
         drawn = {side: binned(canvas, binning) for side, canvas in full.items()}

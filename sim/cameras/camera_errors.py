@@ -79,8 +79,8 @@ class CameraConfig:
     skin does not."""
     supersampling: int = 2
     """Drawn pixels per image pixel, each way [-]."""
-    seed: int = 0
-    """Draws the noise."""
+    seed: int | None = None
+    """Draws the noise; None follows the seed of the whole."""
 
     def __post_init__(self) -> None:
         if self.quality not in CAMERA_CLASSES:

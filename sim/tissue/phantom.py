@@ -155,14 +155,14 @@ class Phantom:
         """Colours of the skin for `SkinMesh.uv`, RGB."""
         pixel = self._meridian / (TEXTURE_RIM * TEXTURE_SIZE_PX)
         return self._looks(
-            np.random.default_rng(self.config.seed), TEXTURE_SIZE_PX, pixel, self.areola_radius
+            np.random.default_rng(self.config.seed or 0), TEXTURE_SIZE_PX, pixel, self.areola_radius
         )
 
     def plate_texture(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the chest plate around the breast, RGB, `PLATE_SIDE` wide; it can be tiled."""
         size = TEXTURE_SIZE_PX // 2
         return self._looks(
-            np.random.default_rng([self.config.seed, 1]), size, PLATE_SIDE / size, 0.0
+            np.random.default_rng([self.config.seed or 0, 1]), size, PLATE_SIDE / size, 0.0
         )
 
     def _looks(
@@ -199,7 +199,7 @@ class Phantom:
 def _draw(config: PhantomConfig, radius: float, height: float) -> Float[np.ndarray, "15"]:
     """The map's coefficients, as `dome` takes them, after the seed's variation."""
     shape = SHAPES[config.breast]
-    rng = np.random.default_rng(config.seed)
+    rng = np.random.default_rng(config.seed or 0)
     vary = 1 + SHAPE_VARIATION * rng.standard_normal(7)
     radii = radius * (1 + shape.elongation * vary[0] * np.array([-1.0, 1.0]))
     quadrants = config.asymmetry * np.array(shape.quadrants) * vary[1:3]

@@ -27,8 +27,9 @@ class PhantomConfig:
     asymmetry: float = 1.0
     """Differences between the quadrants, and lean away from the sternum, over the class's own
     [-]."""
-    seed: int = 0
-    """Draws the small variation of the shape, and the texture."""
+    seed: int | None = None
+    """Draws the small variation of the shape, and the texture; None follows the seed of the
+    whole."""
     texture: Texture = "skin"
     """Natural skin, the sprayed dots of digital image correlation, skin with hardly any texture, or
     printed plastic."""

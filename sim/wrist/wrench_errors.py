@@ -114,9 +114,9 @@ class WrenchSensorConfig:
     """New readings a second [Hz]; None for the class's."""
     knows_acceleration: bool | None = None
     """Whether the tool's inertia is taken out exactly; None for the class's."""
-    seed: int = 0
+    seed: int | None = None
     """Draws the noise and the errors that one sensor keeps: gains, cross-talk, directions of drift
-    and offset."""
+    and offset; None follows the seed of the whole."""
 
     def __post_init__(self) -> None:
         if self.quality not in WRENCH_CLASSES:

@@ -39,7 +39,7 @@ class WrenchSensor:
             payload: What it is told to hang on it.
             X_FP: Where the wrench is wanted, the probe tip in the flange.
         """
-        errors, rng = config.errors, np.random.default_rng(config.seed)
+        errors, rng = config.errors, np.random.default_rng(config.seed or 0)
         self._errors = errors
         self._gain = _gain(errors, rng)
         self._drift_F = (

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -5,11 +7,14 @@ import pytest
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
+from sim.arm.deviations import ArmConfig
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.room.describe import VISUAL_GROUP
 from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.wrist.probe import payload, tip_pose
+from sim.wrist.wrench_errors import WrenchSensorConfig
+from sim.wrist.wrench_sensor import WrenchSensor
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +137,31 @@ def test_a_rig_that_was_never_placed_is_refused(tmp_path, quiet_scene):
     StereoRig(left=rig.left, right=rig.right, X_RL=rig.X_RL).save(path)
     with pytest.raises(CalibrationError, match="X_BL"):
         Scene(SceneConfig(rig=path))
+
+
+def test_parts_without_a_seed_follow_the_scenes_and_others_keep_their_own():
+    config = SceneConfig(wrist=WrenchSensorConfig(seed=7)).seeded(3)
+    assert (config.phantom.seed, config.arm.seed, config.camera.seed) == (3, 3, 3)
+    assert config.wrist.seed == 7
+
+
+@pytest.mark.parametrize("part", ["phantom", "arm", "camera", "wrist"])
+def test_no_seed_of_a_part_is_accepted_and_ignored(part):
+    """Each draws something else, and nothing else than its own."""
+    plain = SceneConfig(arm=ArmConfig(kinematics="uncalibrated"))
+    own = replace(plain, **{part: replace(getattr(plain, part), seed=5)})
+    drawn = [drawings(config.seeded(0)) for config in (plain, own)]
+    same = {name for name, values in drawn[0].items() if np.array_equal(values, drawn[1][name])}
+    assert same == set(drawn[0]) - {part}
+
+
+def drawings(config):
+    """What each part of a scene draws: shape, axes, noise of a picture, errors of a sensor."""
+    scene = Scene(config)
+    sensor = WrenchSensor(config.wrist, payload(config.mount_angle), scene.X_FP)
+    return {
+        "phantom": scene.phantom.skin.vertices_S,
+        "arm": scene.arm.X_joints,
+        "camera": np.random.default_rng(config.camera.seed or 0).standard_normal(3),
+        "wrist": sensor.measure(np.zeros(6), np.eye(3), np.zeros(3), np.zeros(3)),
+    }
