@@ -8,12 +8,9 @@ follows its targets late by a known time, so the plan is sent ahead by as much: 
 where the plan is. Whatever goes wrong ends in a retreat up the normal.
 """
 
-import gc
 import math
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -30,6 +27,7 @@ from breastscan.control.tilt import Drag, TiltMemory
 from breastscan.control.watch import Observation, Watch
 from breastscan.errors import PlanningError, RobotError
 from breastscan.geometry import se3
+from breastscan.interruptions import deferred_interrupt, no_garbage_collection
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
 from breastscan.run.columns import Sample, Trajectory
@@ -379,47 +377,3 @@ def last_row(log: list[Sample]) -> int:
     there.
     """
     return next((int(sample.row) for sample in reversed(log) if not math.isnan(sample.row)), 0)
-
-
-@contextmanager
-def no_garbage_collection() -> Iterator[None]:
-    """Keep Python from looking for garbage inside the block: over a large program that takes
-    tens of periods.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-@contextmanager
-def deferred_interrupt() -> Iterator[Callable[[], None]]:
-    """Hold Ctrl-C back inside the block until the yielded check is called, so that it never falls
-    into a command.
-
-    Off the main thread, where no signal arrives, the check does nothing.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-    pending = False
-
-    def note(*_: object) -> None:
-        nonlocal pending
-        pending = True
-
-    def check() -> None:
-        nonlocal pending
-        if pending:
-            pending = False
-            raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield check
-    finally:
-        signal.signal(signal.SIGINT, before)
-    check()

@@ -19,7 +19,8 @@ PRODUCT = {
     "run": UNDER,
     **dict.fromkeys(STAGES, UNDER | {"run"}),
     "cell": ALL_STAGES,
-    "execution": ALL_STAGES,
+    "interruptions": set(),
+    "execution": ALL_STAGES | {"interruptions"},
     "scan": ALL_STAGES | {"cell", "execution"},
     "report": UNDER | {"run"},
 }
