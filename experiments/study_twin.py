@@ -5,7 +5,7 @@ kinematic deviations do to the tip, and what each class of wrist sensor reads.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from breastscan.run import writing
 from experiments import arm_accuracy, free_swing, servo_response, twin_figures, wrist_readings
 from experiments.arm_accuracy import Accuracy
 from experiments.free_swing import Swing
+from experiments.sections import section
 from experiments.servo_response import Response
 from experiments.wrist_readings import Readings
 from sim.arm.servo import PERIOD
@@ -28,8 +29,8 @@ from sim.true_loop import true_loop_motion
 from sim.truth_log import TruthLog
 from sim.wrist.wrench_errors import WRENCH_CLASSES, WrenchSensorConfig
 
-REPEATED_ROWS = 1000
-"""Rows of the loop that are scanned twice: 2 s after contact has settled."""
+REPEATED_LENGTH, REPEATED_SPEED = 0.1, 0.025
+"""Of the part of the loop that is scanned twice, from rest to rest [m], [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +91,7 @@ def _repeated(scene: Scene, motion: Motion) -> int:
     Raises:
         AssertionError: Two of them differ.
     """
-    part = replace(
-        motion, q=motion.q[:REPEATED_ROWS], qd=motion.qd[:REPEATED_ROWS], s=motion.s[:REPEATED_ROWS]
-    )
+    part = section(motion, scene.X_FP, start=0.0, length=REPEATED_LENGTH, speed=REPEATED_SPEED)
     logs = [_scanned(scene, part) for _ in range(2)]
     for (truth, wrench), (other_truth, other_wrench) in [logs]:
         assert np.array_equal(wrench, other_wrench), "two runs must read the same wrenches"
