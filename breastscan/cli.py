@@ -2,7 +2,6 @@
 
 import sys
 from importlib import import_module
-from importlib.metadata import version
 
 import tyro
 from rich.console import Console
@@ -10,6 +9,7 @@ from rich.console import Console
 from breastscan.checks import require_known
 from breastscan.commands.console import twin_imports
 from breastscan.errors import BreastScanError
+from breastscan.run.versions import version_of
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(usage())
         sys.exit(0 if arguments else 2)
     if arguments[0] == "--version":
-        print(f"breastscan {version('breastscan')}")
+        print(f"breastscan {version_of('breastscan')}")
         return
     name, *rest = arguments
     errors = Console(stderr=True)

@@ -1,9 +1,10 @@
 """What a user meets at the prompt: help, errors that help, exit status."""
 
 import os
+import platform
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 import pytest
 
@@ -11,6 +12,7 @@ from breastscan import cli
 from breastscan.commands import doctor
 from breastscan.commands.console import twin_imports
 from breastscan.errors import PlanningError
+from breastscan.run import versions as run_versions
 
 FILE_COMMANDS = ("reconstruct", "calibrate", "handeye", "plan", "compare", "doctor")
 
@@ -117,6 +119,16 @@ def test_the_version_is_told(capsys):
     assert capsys.readouterr().out.strip() == f"breastscan {version('breastscan')}"
 
 
+def test_the_version_of_a_tree_that_is_not_installed_is_told_too(capsys, monkeypatch):
+    def absent(package):
+        raise PackageNotFoundError(package)
+
+    monkeypatch.setattr(run_versions, "version", absent)
+    cli.main(["--version"])
+    assert capsys.readouterr().out.strip() == "breastscan not installed"
+    assert set(run_versions.versions().values()) == {platform.python_version(), "not installed"}
+
+
 def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
     assert "did you mean scan" in run(capsys, "scna")[2]
     assert "did you mean joints" in run(capsys, "study", "joint")[2]
@@ -127,6 +139,7 @@ def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
     [
         ("scan", "--seed", "-1"),
         ("scan", "--scene.phantom.seed", "-2"),
+        ("scan", "--plan.segment.seed", "-2"),
         ("view", "--web", "--seed", "-1"),
         ("calibrate", "--twin", "--seed", "-1"),
         ("study", "weights", "--seed", "-1"),

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import binary_fill_holes
 
-from breastscan.checks import require_positive
+from breastscan.checks import require_positive, require_seed
 from breastscan.errors import ConfigError, NoBreastError
 from breastscan.geometry.plane import Plane
 
@@ -61,6 +61,7 @@ class SegmentConfig:
 
     def __post_init__(self) -> None:
         require_positive(self, "segment", but=("seed",))
+        require_seed(self.seed, "segment.seed")
         for name in ("width_range", "height_range"):
             low, high = getattr(self, name)
             if not 0 < low < high:

@@ -11,6 +11,7 @@ import polars as pl
 import tyro
 
 from breastscan.commands.console import Out, console
+from breastscan.errors import PlanningError
 from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
@@ -96,10 +97,11 @@ def plan(
     planned, _ = motion.plan(
         path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm
     )
-    planned.require_lift(X_FP, arm)
+    q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
+    if not np.isfinite(q_retreat).all():
+        raise PlanningError("the arm cannot leave the end of the path: shorten it", q_retreat)
     with writing.staged(out) as folder:
         writing.write_path(folder / "path.csv", path.points_B, path.normals_B)
-        q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
         _write_tables(folder, planned, q_retreat, X_FP, arm)
         if urscript:
             text = program.urscript(planned.q, planned.qd, planned.q_approach, q_retreat, X_FP)

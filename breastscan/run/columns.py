@@ -123,12 +123,9 @@ class Trajectory:
         names = np.array(self.phase)
         starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
         ends = np.r_[starts[1:], len(names) - 1]
+        elapsed = self.elapsed
         return [
-            Span(
-                phase=self.phase[start],
-                start=float(self.elapsed[start]),
-                end=float(self.elapsed[end]),
-            )
+            Span(phase=self.phase[start], start=float(elapsed[start]), end=float(elapsed[end]))
             for start, end in zip(starts, ends, strict=True)
         ]
 

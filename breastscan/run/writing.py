@@ -3,13 +3,11 @@
 import dataclasses
 import json
 import os
-import platform
 import re
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import cv2
@@ -21,16 +19,7 @@ from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
 from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
-
-REPORTED_VERSIONS = (
-    "breastscan",
-    "mujoco",
-    "dm-control",
-    "numpy",
-    "scipy",
-    "opencv-python-headless",
-    "numba",
-)
+from breastscan.run.versions import versions
 
 INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
 """A list of numbers as `json` indents it; text in a string holds no line break."""
@@ -89,17 +78,6 @@ def _plain(value: object) -> object:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"cannot write a {type(value).__name__} as JSON")
-
-
-def versions() -> dict[str, str]:
-    """Versions of what the numbers of a run depend on; "not installed" where none is told."""
-    found = {"python": platform.python_version()}
-    for name in REPORTED_VERSIONS:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # a tree that is run as it lies: no reason to lose a scan
-            found[name] = "not installed"
-    return found
 
 
 def write_image(path: Path, image: np.ndarray) -> None:

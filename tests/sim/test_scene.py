@@ -1,3 +1,4 @@
+from contextlib import closing
 from dataclasses import replace
 
 import mujoco
@@ -8,6 +9,7 @@ from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
 from sim.arm.deviations import ArmConfig
+from sim.cameras.camera import SimStereoCamera
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.room.describe import VISUAL_GROUP
@@ -145,7 +147,7 @@ def test_parts_without_a_seed_follow_the_scenes_and_others_keep_their_own():
     assert config.wrist.seed == 7
 
 
-@pytest.mark.parametrize("part", ["phantom", "arm", "camera", "wrist"])
+@pytest.mark.parametrize("part", ["phantom", "arm", "wrist"])
 def test_no_seed_of_a_part_is_accepted_and_ignored(part):
     """Each draws something else, and nothing else than its own."""
     plain = SceneConfig(arm=ArmConfig(kinematics="uncalibrated"))
@@ -156,12 +158,22 @@ def test_no_seed_of_a_part_is_accepted_and_ignored(part):
 
 
 def drawings(config):
-    """What each part of a scene draws: shape, axes, noise of a picture, errors of a sensor."""
+    """What each part of a scene draws: shape, axes, errors of a sensor."""
     scene = Scene(config)
     sensor = WrenchSensor(config.wrist, payload(config.mount_angle), scene.X_FP)
     return {
         "phantom": scene.phantom.skin.vertices_S,
         "arm": scene.arm.X_joints,
-        "camera": np.random.default_rng(config.camera.seed or 0).standard_normal(3),
         "wrist": sensor.measure(np.zeros(6), np.eye(3), np.zeros(3), np.zeros(3)),
     }
+
+
+def test_the_cameras_seed_draws_their_noise(quiet_scene, monkeypatch):
+    drawn = []
+    for seed in (None, 0, 5):
+        cameras = replace(quiet_scene.config.camera, seed=seed)
+        monkeypatch.setattr(quiet_scene, "config", replace(quiet_scene.config, camera=cameras))
+        with closing(SimStereoCamera(quiet_scene, binning=8)) as camera:
+            drawn.append(camera._rng.standard_normal(3))
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0], drawn[2])
