@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+DOCS   := .venv-docs
 
-.PHONY: scan test fuzz check lint types bench wheel clean
+.PHONY: scan test fuzz check lint types bench docs wheel clean
 
 scan: $(READY)  ## scan the phantom with the twin; results in out/scan
 	$(BIN)/breastscan scan
@@ -28,11 +29,15 @@ check: lint types  ## what CI runs: lint, types, tests
 bench: $(READY)  ## the benchmark table, own figures against named peers
 	$(BIN)/python -m experiments.bench
 
+docs: $(DOCS)/.ready  ## the documentation site, build/docs/index.html; any warning fails it
+	$(DOCS)/bin/properdocs build --strict
+	@echo "build/docs/index.html (its search needs a server: $(PYTHON) -m http.server -b 127.0.0.1 -d build/docs)"
+
 wheel: $(READY)
 	$(BIN)/python -m build --wheel
 
 clean:
-	rm -rf $(VENV) build dist out
+	rm -rf $(VENV) $(DOCS) build dist out
 
 $(READY): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -40,4 +45,9 @@ $(READY): pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch $@
+
+$(DOCS)/.ready: docs/site/requirements.lock
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/pip install --quiet --disable-pip-version-check -r docs/site/requirements.lock
 	@touch $@
