@@ -133,7 +133,9 @@ Keep = Callable[[Trajectory, BaseException], None]
 class Stages:
     """Times the stages by name, and tells a listener which one runs and how far it is."""
 
-    def __init__(self, listener: Callable[[str, float], None] = lambda name, share: None) -> None:
+    def __init__(
+        self, listener: Callable[[str, float], None] = lambda name, fraction: None
+    ) -> None:
         self.wall_s: dict[str, float] = {}
         self._listener = listener
 
@@ -142,7 +144,7 @@ class Stages:
         """Time the block; it may call what it gets with the share done."""
         self._listener(name, 0.0)
         start = time.perf_counter()
-        yield lambda share: self._listener(name, share)
+        yield lambda fraction: self._listener(name, fraction)
         self.wall_s[name] = self.wall_s.get(name, 0.0) + time.perf_counter() - start
         self._listener(name, 1.0)
 
@@ -220,7 +222,7 @@ def perceive(
     try:
         return reconstruct_breast(pair, matched, config, stages)
     except NoBreastError:
-        check_order(images, matched, rig, config)  # a better reason, perhaps
+        check_sides(images, matched, rig, config)  # a better reason, perhaps
         raise
 
 
@@ -266,7 +268,7 @@ def reconstruct_breast(
     )
 
 
-def check_order(
+def check_sides(
     images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig
 ) -> None:
     """Refuse a pair that matches better with left and right exchanged.
@@ -276,7 +278,9 @@ def check_order(
     """
     if images.left.shape == images.right.shape:
         pair = rig.rectify(images.right, images.left)
-        pair_check.check_order(matched, stereo.disparity_map(pair.left, pair.right, config.stereo))
+        pair_check.check_exchanged(
+            matched, stereo.disparity_map(pair.left, pair.right, config.stereo)
+        )
 
 
 def plan_scan(
@@ -296,7 +300,7 @@ def plan_scan(
         plate = reconstruction.breast.plate.seen_from(X_BL)
         path = pattern.half_height_loop(points_B, normals_B, plate, config.pattern)
     with stages.stage("motion"):
-        planned, feed = motion.plan(
+        planned, feed = motion.plan_motion(
             path, robot.X_FP, robot.period, config.feedrate, config.joints,
             clearances=clearances, calibration=robot.calibration,
         )  # fmt: skip

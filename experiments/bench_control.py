@@ -62,7 +62,7 @@ def cycle_times() -> Float[np.ndarray, "n"]:
 def rows() -> list[Row]:
     """Median and worst case, against what a cycle of 2 ms leaves."""
     cycles = cycle_times()
-    median, late = (float(np.quantile(cycles, share)) for share in (0.5, LATE))
+    median, late = (float(np.quantile(cycles, fraction)) for fraction in (0.5, LATE))
     return [
         (
             "control cycle with safety, CPU time, median [ms]",

@@ -139,7 +139,7 @@ def _planning_rows() -> list[Row]:
 
     def seconds(path: Path) -> float:
         return _cpu_seconds(
-            lambda: motion.plan(path, X_FP, PERIOD, FeedrateLimits(), JointPathConfig())
+            lambda: motion.plan_motion(path, X_FP, PERIOD, FeedrateLimits(), JointPathConfig())
         )
 
     return [

@@ -45,7 +45,7 @@ def rows() -> list[Row]:
         execute(robot, motion, ContactConfig(), SafetyLimits())
         whole = time.process_time() - start
     factor = (robot.state().time - started) / whole
-    shares = {
+    fractions = {
         "mj_step": mechanics.spent,
         "contact": contact.spent,
         "Python outside both": whole - mechanics.spent - contact.spent,
@@ -59,7 +59,7 @@ def rows() -> list[Row]:
         ),
         *(
             (f"of that time, {name} [%]", ALL * spent / whole, ALL, whole / spent)
-            for name, spent in shares.items()
+            for name, spent in fractions.items()
         ),
     ]
 

@@ -23,7 +23,7 @@ from sim.room.describe import Element, add_material, mjcf
 
 X_WC = se3.from_rotation_vector(np.array([2.9, 0.1, -0.2]), np.array([0.1, 0.2, 0.7]))
 """Some camera, aligned with nothing."""
-X_CBOARD = se3.from_rotation_vector(np.array([0.15, 0.25, 0.0]), np.array([0.0, 0.0, 0.55]))
+X_CBoard = se3.from_rotation_vector(np.array([0.15, 0.25, 0.0]), np.array([0.0, 0.0, 0.55]))
 BOARD_SIDE = 1.8
 """[m]"""
 TEXTURE_PX = 4096
@@ -38,7 +38,7 @@ JITTER_PX = 2.0
 a pixel."""
 WINDOW_PX = 13
 """Half the side of what the detector sees."""
-CORNER_SHARE = 0.85
+CORNER_FRACTION = 0.85
 """Share of the outermost dot's radius beyond which a dot is in a corner."""
 
 
@@ -70,7 +70,7 @@ def measure(rig: StereoRig, side: str, *, supersampling: int, seed: int) -> Proj
     image = _image(rig, side, _texture(dots), supersampling)
     error = np.array([_centre(image, around) for around in expected]) - expected
     radius = np.linalg.norm(expected - camera.K[:2, 2], axis=1)
-    return ProjectionErrors(error_px=error, corner=radius > CORNER_SHARE * radius.max())
+    return ProjectionErrors(error_px=error, corner=radius > CORNER_FRACTION * radius.max())
 
 
 def _dots(camera: Intrinsics, rng: np.random.Generator) -> Float[np.ndarray, "n 2"]:
@@ -89,7 +89,7 @@ def _dots(camera: Intrinsics, rng: np.random.Generator) -> Float[np.ndarray, "n 
             np.ones(len(grid)),
         ]
     )
-    X_BoardC = se3.inverse(X_CBOARD)
+    X_BoardC = se3.inverse(X_CBoard)
     origin, towards = X_BoardC[:3, 3], se3.rotate(X_BoardC, rays)
     places = (origin - origin[2] / towards[:, 2:] * towards)[:, :2]
     returned = np.array([_expected(place, camera) for place in places])
@@ -108,7 +108,7 @@ def _expected(dot: Float[np.ndarray, "2"], camera: Intrinsics) -> Float[np.ndarr
     x, y = np.meshgrid(steps, steps)
     board = np.stack([x + dot[0], y + dot[1], np.zeros_like(x)], axis=-1).reshape(-1, 3)
     pixels = cv2.projectPoints(
-        se3.transform(X_CBOARD, board), np.zeros(3), np.zeros(3), camera.K, camera.distortion
+        se3.transform(X_CBoard, board), np.zeros(3), np.zeros(3), camera.K, camera.distortion
     )[0].reshape(*x.shape, 2)  # fmt: skip
     (down, across) = np.gradient(pixels, axis=(0, 1))
     area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
@@ -139,7 +139,7 @@ def _image(
     add_material(root, "board", image=texture).emission = 0.9
     half = BOARD_SIDE / 2
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
-    box_W = se3.transform(X_WC @ X_CBOARD, np.vstack([corners, corners + np.array([0, 0, 0.01])]))
+    box_W = se3.transform(X_WC @ X_CBoard, np.vstack([corners, corners + np.array([0, 0, 0.01])]))
     root.asset.add(
         "mesh",
         name="board",

@@ -47,7 +47,7 @@ class FullTissue:
             X_SP: About where the probe will press: the mesh is fine there.
             finest: Longest edge there [m].
         """
-        self._face = ProbeFace().numbers()
+        self._face = ProbeFace().parameters()
         mesh = local_mesh(phantom, X_SP, finest)
         basis = skfem.Basis(mesh, skfem.ElementTetP2(), intorder=2)
         self.nodes_S: Float[np.ndarray, "n 3"] = basis.doflocs.T.copy()
@@ -78,14 +78,14 @@ class FullTissue:
                 return force_S
             step = np.zeros_like(self.displacement_S)
             step[self._free] = -self._solver.solve(blocks, residual)
-            share = 1.0
+            fraction = 1.0
             while True:
-                moved = self.displacement_S + share * step
+                moved = self.displacement_S + fraction * step
                 trial, trial_blocks, trial_force_S = self._equations(moved, X_SP)
-                if np.linalg.norm(trial) < (1 - 0.01 * share) * np.linalg.norm(residual):
+                if np.linalg.norm(trial) < (1 - 0.01 * fraction) * np.linalg.norm(residual):
                     break
-                share /= 2
-                if share < SHORTEST:  # a contact that jumps makes the residual rise once
+                fraction /= 2
+                if fraction < SHORTEST:  # a contact that jumps makes the residual rise once
                     if not np.isfinite(trial).all():
                         raise ArithmeticError(
                             "an element is turned inside out: go deeper in smaller steps"
@@ -116,7 +116,7 @@ class FullTissue:
         """
         residual, force_S = np.zeros_like(displacement_S), np.zeros(3)
         data = np.zeros((self._pattern.nnz, 3, 3))
-        sound = _add_elastic(
+        valid = _add_elastic(
             residual,
             data,
             displacement_S,
@@ -126,7 +126,7 @@ class FullTissue:
             self._weights,
             *self._lame,
         )
-        if not sound:
+        if not valid:
             residual[:] = np.inf
         _add_contact(
             residual,
@@ -156,8 +156,8 @@ class FullTissue:
         """
         facets = mesh.boundary_facets()
         corners = np.asarray(mesh.facets)[:, facets]
-        middles_P = (mesh.p[:, corners].mean(axis=1).T - X_SP[:3, 3]) @ X_SP[:3, :3]
-        skin = (mesh.p[2][corners] > 1e-9).any(axis=0) & (np.abs(middles_P) < NEAR).all(axis=1)
+        centroids_P = (mesh.p[:, corners].mean(axis=1).T - X_SP[:3, 3]) @ X_SP[:3, :3]
+        skin = (mesh.p[2][corners] > 1e-9).any(axis=0) & (np.abs(centroids_P) < NEAR).all(axis=1)
         basis = skfem.FacetBasis(mesh, skfem.ElementTetP2(), facets=facets[skin], intorder=5)
         self._facets = basis.element_dofs.T.astype(np.int64)
         self._facet_places = self._places[basis.tind]
@@ -165,7 +165,9 @@ class FullTissue:
             np.stack([np.asarray(b[0]) for b in basis.basis]).transpose(1, 2, 0)
         )
         self._areas = basis.dx
-        ball = phantom.unembed(np.einsum("fqa,fac->fqc", self._shapes, self.nodes_S[self._facets]))
+        ball = phantom.inverse_map(
+            np.einsum("fqa,fac->fqc", self._shapes, self.nodes_S[self._facets])
+        )
         self._skin_S = phantom.embed(ball / np.linalg.norm(ball, axis=2, keepdims=True))
 
 
@@ -175,7 +177,7 @@ def _lame(
     """Lame's parameters [Pa] in every quadrature point."""
     config = phantom.config
     points_S = np.asarray(basis.global_coordinates()).transpose(1, 2, 0)
-    ratio = modulus_ratio(config.layers, phantom.unembed(points_S), points_S, phantom.radius)
+    ratio = modulus_ratio(config.layers, phantom.inverse_map(points_S), points_S, phantom.radius)
     first, second = lame_parameters(config.young, config.poisson)
     return first * ratio, second * ratio
 
@@ -202,10 +204,10 @@ def _block_pattern(
 def _prolongation(mesh: skfem.MeshTet, free: np.ndarray) -> scipy.sparse.csr_array:
     """From values at the free corners to those at all free nodes, mid-edge nodes included."""
     corners, edges = mesh.p.shape[1], np.asarray(mesh.edges)
-    middles = corners + np.arange(edges.shape[1])
-    rows = np.concatenate([np.arange(corners), middles, middles])
+    midpoints = corners + np.arange(edges.shape[1])
+    rows = np.concatenate([np.arange(corners), midpoints, midpoints])
     columns = np.concatenate([np.arange(corners), *edges])
-    values = np.concatenate([np.ones(corners), np.full(2 * len(middles), 0.5)])
+    values = np.concatenate([np.ones(corners), np.full(2 * len(midpoints), 0.5)])
     return scipy.sparse.csr_array((values, (rows, columns)), shape=(len(free), corners))[free][
         :, free[:corners]
     ]

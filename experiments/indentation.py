@@ -48,7 +48,7 @@ class Indentation:
 
 
 def pose(
-    phantom: Phantom, azimuth: float, depth: float, height: float = 0.5, spin: float = 0.0
+    phantom: Phantom, azimuth: float, depth: float, height: float = 0.5, roll: float = 0.0
 ) -> np.ndarray:
     """X_SP of a probe square on the skin, its face `depth` [m] below it.
 
@@ -57,17 +57,17 @@ def pose(
         azimuth: Where on the contour [rad].
         depth: [m]
         height: Of the contour over the breast's [-].
-        spin: About the probe's axis; 0 has the array along the contour, pi/2 across it [rad].
+        roll: About the probe's axis; 0 has the array along the contour, pi/2 across it [rad].
     """
     loop_S = phantom.level_loop(height * phantom.height, 1440)
     angles = 2 * np.pi * np.arange(len(loop_S)) / len(loop_S)
     p_S = np.array([np.interp(azimuth, angles, column, period=2 * np.pi) for column in loop_S.T])
-    inward_S = -phantom.normal(phantom.unembed(p_S[None]))[0]
+    inward_S = -phantom.normal(phantom.inverse_map(p_S[None]))[0]
     along_S = np.cross([0.0, 0.0, 1.0], inward_S)
     along_S /= np.linalg.norm(along_S)
     across_S = np.cross(inward_S, along_S)
     X_SP = np.eye(4)
-    X_SP[:3, 0] = np.cos(spin) * along_S + np.sin(spin) * across_S
+    X_SP[:3, 0] = np.cos(roll) * along_S + np.sin(roll) * across_S
     X_SP[:3, 1] = np.cross(inward_S, X_SP[:3, 0])
     X_SP[:3, 2], X_SP[:3, 3] = inward_S, p_S + depth * inward_S
     return X_SP

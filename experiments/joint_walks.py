@@ -29,7 +29,7 @@ from sim.tissue.phantom import PhantomConfig
 
 MOUNTS_DEG = (0.0, 45.0)
 """Angles between probe and flange."""
-SPINS = {"fixed": 0.0, "free": np.pi / 2}
+ROLL_TOLERANCES = {"fixed": 0.0, "free": np.pi / 2}
 """Freedom of the image plane about the probe's axis [rad]."""
 LIMITS = FeedrateLimits(speed=0.025, acceleration=0.020)
 """The paper's speed and acceleration."""
@@ -59,7 +59,7 @@ class Walk:
 
     loop: str
     mount_deg: float
-    spin: str
+    roll: str
     refused: str = ""
     """Why it could not be planned, empty if it could."""
     unreachable: tuple[str, ...] = ()
@@ -78,35 +78,37 @@ class Walk:
     @property
     def name(self) -> str:
         """What the walk is called in tables and figures."""
-        return f"{self.spin} spin, {self.mount_deg:.0f}° mount"
+        return f"{self.roll} spin, {self.mount_deg:.0f}° mount"
 
 
-def walk(loop: Loop, mount_deg: float, spin: str) -> Walk:
+def walk(loop: Loop, mount_deg: float, roll: str) -> Walk:
     """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
     scene = Scene(
         SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False))
     )
     config = JointPathConfig(
-        spin_tolerance=SPINS[spin], floor=loop.table_height + paper_loop.LINK_RADIUS
+        roll_tolerance=ROLL_TOLERANCES[roll], floor=loop.table_height + paper_loop.LINK_RADIUS
     )
     clearances = Clearance(cell_of(scene)) if loop.in_twin else None
     lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
     try:
-        planned, _ = motion.plan(
+        planned, _ = motion.plan_motion(
             loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances
         )
     except PlanningError as error:
         return Walk(
-            loop=loop.name, mount_deg=mount_deg, spin=spin, refused=str(error), unreachable=lost
+            loop=loop.name, mount_deg=mount_deg, roll=roll, refused=str(error), unreachable=lost
         )
     if not loop.in_twin:  # the twin's table would be in the way
         scene.physics.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     q, qd = _executed(SimRobot(scene, q=planned.q[0]), planned)
-    finer, _ = motion.plan(loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances)
+    finer, _ = motion.plan_motion(
+        loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances
+    )
     return Walk(
         loop=loop.name,
         mount_deg=mount_deg,
-        spin=spin,
+        roll=roll,
         planned=planned,
         uses=joint_limits.limit_uses(planned.q, PERIOD, config),
         unreachable=lost,
@@ -140,7 +142,7 @@ def loops(seed: int) -> Iterator[Loop]:
     scene = Scene(SceneConfig(phantom=PhantomConfig(seed=seed)))
     contour_S = scene.phantom.level_loop(scene.phantom.height / 2, DENSE_POINTS)
     points_S = contour_S[np.arange(LOOP_POINTS) * DENSE_POINTS // LOOP_POINTS]
-    normals_S = scene.phantom.normal(scene.phantom.unembed(points_S))
+    normals_S = scene.phantom.normal(scene.phantom.inverse_map(points_S))
     twin = Path(points_B=points_S + scene.X_BS[:3, 3], normals_B=normals_S)
     yield Loop(name="twin", path=twin, table_height=0.0, in_twin=True)
     for name, path in (
@@ -167,7 +169,8 @@ def _resampled(coarse: Motion, fine: Motion, config: JointPathConfig) -> tuple[f
     _, _, *coarse_uses = joint_limits.limit_uses(coarse.q, PERIOD, config)
     _, _, *fine_uses = joint_limits.limit_uses(fine.q, PERIOD / 2, config)
     acceleration, jerk = (
-        100.0 * abs(f.share / c.share - 1.0) for c, f in zip(coarse_uses, fine_uses, strict=True)
+        100.0 * abs(f.fraction / c.fraction - 1.0)
+        for c, f in zip(coarse_uses, fine_uses, strict=True)
     )
     return acceleration, jerk
 

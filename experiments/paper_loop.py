@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import kinematics, se3
-from breastscan.planning.joint_limits import OBSTACLES, JointPathConfig, obstacles
+from breastscan.planning.joint_limits import VIOLATIONS, JointPathConfig, violations
 from breastscan.planning.pattern import Path
-from breastscan.planning.spin_graph import SPIN_STEP, SPINS, spun
+from breastscan.planning.roll_graph import ROLL_STEP, ROLLS, rolled
 from breastscan.report.paper import TABLE4_THEORETICAL_MM
 
 POINTS_B: Float[np.ndarray, "15 3"] = TABLE4_THEORETICAL_MM * 1e-3
@@ -22,7 +22,7 @@ TABLE_HEIGHT = -0.105
 """Top of the table in that frame [m]."""
 LINK_RADIUS = 0.05
 """Half a link above the table, as `JointPathConfig.floor` has it [m]."""
-HEIGHT_SHARE = 55.0 / 75.0
+HEIGHT_FRACTION = 55.0 / 75.0
 """Height of the dome as a share of its base's radius: the twin's breast."""
 
 
@@ -42,9 +42,9 @@ def dome() -> Path:
     _, _, axes_B = np.linalg.svd(POINTS_B - centre_B)
     axes_B[2] *= np.sign(axes_B[2, 2])
     in_plane = (POINTS_B - centre_B) @ axes_B[:2].T
-    M, middle = _ellipse(in_plane)
-    height = HEIGHT_SHARE * np.sqrt(4.0 / 3.0) * np.linalg.det(M) ** -0.25
-    outwards = 1.5 * (in_plane - middle) @ M
+    M, centre = _ellipse(in_plane)
+    height = HEIGHT_FRACTION * np.sqrt(4.0 / 3.0) * np.linalg.det(M) ** -0.25
+    outwards = 1.5 * (in_plane - centre) @ M
     gradient_B = outwards @ axes_B[:2] + axes_B[2] / height
     return Path(
         points_B=POINTS_B, normals_B=gradient_B / np.linalg.norm(gradient_B, axis=1, keepdims=True)
@@ -54,15 +54,15 @@ def dome() -> Path:
 def unreachable(path: Path, X_FP: Float[np.ndarray, "4 4"], config: JointPathConfig) -> list[str]:
     """The points of a path that no spin and no branch reaches, each with what stands against it."""
     X_BQ = _across_path(path)
-    spins = SPIN_STEP * np.arange(SPINS)
-    across = np.abs(np.angle(np.exp(2j * spins))) / 2.0
-    spins = spins[across <= config.spin_tolerance + 1e-9]
-    X_BP = spun(
-        np.repeat(X_BQ[:, None], len(spins), axis=1),
-        np.broadcast_to(spins, (len(X_BQ), len(spins))),
+    rolls = ROLL_STEP * np.arange(ROLLS)
+    across = np.abs(np.angle(np.exp(2j * rolls))) / 2.0
+    rolls = rolls[across <= config.roll_tolerance + 1e-9]
+    X_BP = rolled(
+        np.repeat(X_BQ[:, None], len(rolls), axis=1),
+        np.broadcast_to(rolls, (len(X_BQ), len(rolls))),
     )
     X_BF = X_BP @ se3.inverse(X_FP)
-    against = obstacles(kinematics.inverse_branches(X_BF), config)
+    against = violations(kinematics.inverse_branches(X_BF), config)
     excess_mm = kinematics.reach_excess(X_BF).min(axis=1) * 1e3
     lost = []
     for point in np.flatnonzero(against.any(axis=0).reshape(len(X_BF), -1).all(axis=1)):
@@ -70,7 +70,7 @@ def unreachable(path: Path, X_FP: Float[np.ndarray, "4 4"], config: JointPathCon
         reason = (
             f"{excess_mm[point]:.0f} mm out of reach"
             if excess_mm[point] > 0
-            else OBSTACLES[1 + counts.argmax()]
+            else VIOLATIONS[1 + counts.argmax()]
         )
         lost.append(f"P{point + 1} ({reason})")
     return lost

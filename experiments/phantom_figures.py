@@ -17,7 +17,7 @@ from breastscan.run import writing
 from experiments.indentation import DEPTHS, FINEST, REST, Indentation, pose
 from experiments.tissue_cost import LONGEST_RIPPLE, SLIDE_DEPTH, Slide
 from sim.cameras.picture import Picture
-from sim.cameras.video import View
+from sim.cameras.video import Viewpoint
 from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.tissue.breast import SHAPES, BreastClass
 from sim.tissue.breathing import BreathingConfig, Waveform, rise
@@ -99,10 +99,10 @@ def _slides(
 ) -> Figure:
     figure, axes = theme.panels(1, 3, height_in=3.4)
     spectrum, inclusion, breath = axes[0]
-    for colour, spin, name in zip(
+    for colour, roll, name in zip(
         COLOURS, (0, 90), ("array along the way", "array across it"), strict=False
     ):
-        slide = slides[0.5, spin]
+        slide = slides[0.5, roll]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
         wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
         spectrum.loglog(wavelength_mm[1:], amplitude[1:], color=colour, linewidth=1.0, label=name)
@@ -157,7 +157,7 @@ def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w
     """One picture for each mechanics."""
     scene = Scene(SceneConfig(phantom=PhantomConfig(breast=breast, texture=texture)))
     phantom, (x, y, z) = scene.phantom, scene.config.p_BS
-    view = View(
+    view = Viewpoint(
         target_B=(x, y, z + phantom.height / 2),
         distance=3.6 * phantom.radius,
         azimuth_deg=118.0,
@@ -173,8 +173,8 @@ def _tiles(breast: BreastClass, texture: Texture) -> list[UInt8[np.ndarray, "h w
             )
             solid.press(X_SP, REST)
             solutions = kinematics.inverse(scene.X_BS @ X_SP @ se3.inverse(scene.X_FP))
-            turns = (solutions - HOME_Q + np.pi) % (2 * np.pi) - np.pi
-            picture.arrange(solutions[np.abs(turns).max(axis=1).argmin()], solid.deformed_skin())
+            changes = (solutions - HOME_Q + np.pi) % (2 * np.pi) - np.pi
+            picture.arrange(solutions[np.abs(changes).max(axis=1).argmin()], solid.deformed_skin())
             tiles.append(
                 cv2.resize(picture.draw(view.camera()), TILE_PX, interpolation=cv2.INTER_AREA)
             )

@@ -27,7 +27,7 @@ INDENTATION = 0.006
 """Measured once on the twin: this force [N] at this indentation [m] for this modulus [Pa]."""
 DAMPING = 3.0
 """Relative rise of the force per speed of indentation [s/m], as in `sim.tissue.soft`."""
-NORMAL_SHARE = 0.64
+NORMAL_FRACTION = 0.64
 """Share of a vertical motion along the probe axis, halfway up the breast."""
 
 Motion = Callable[[float], float]
@@ -138,7 +138,7 @@ def breathing(amplitude: float, waveform: str, rate: float = 0.25, phase: float 
     """Vertical breathing [m] of the plate, as it moves the skin along the probe axis: `sine`, or
     `cos4` [Lujan].
     """
-    along = -NORMAL_SHARE * amplitude
+    along = -NORMAL_FRACTION * amplitude
 
     def sine(time: float) -> float:
         return along * math.sin(2.0 * math.pi * rate * time + phase)

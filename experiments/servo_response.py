@@ -58,7 +58,7 @@ def respond(config: ServoConfig) -> Response:
         config=config,
         ramp_lag=lag,
         step=_followed(scene, steps) / STEP,
-        law=_asked(config, steps) / STEP,
+        law=_requested(config, steps) / STEP,
     )
 
 
@@ -70,18 +70,18 @@ def sweep() -> list[Response]:
     ]
 
 
-def _followed(scene: Scene, ways: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
-    """Ways of the joints that are sent `ways` [rad] from where the arm is parked."""
+def _followed(scene: Scene, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
+    """Ways of the joints that are sent `offsets` [rad] from where the arm is parked."""
     robot, rows = SimRobot(scene), []
-    for way in ways:
-        robot.servo_joint(HOME_Q + way)
+    for offset in offsets:
+        robot.servo_joint(HOME_Q + offset)
         rows.append(robot.state().q - HOME_Q)
     return np.array(rows)
 
 
-def _asked(config: ServoConfig, ways: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _requested(config: ServoConfig, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     servo, rows = ServoJ(config, np.zeros(6)), []
-    for way in ways:
+    for offset in offsets:
         rows.append(servo.q_end[0])
-        servo.follow(np.full(6, way))
+        servo.follow(np.full(6, offset))
     return np.array(rows)

@@ -157,9 +157,9 @@ def _contrasts(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     edge = x - canvas.width / 2 / finer - EDGE_SLOPE * (y - canvas.height / 2 / finer) > 0
     drawn = np.repeat(np.where(edge, 200, 40).astype(np.uint8)[..., None], 3, axis=2)
     errors = (CameraErrors(), CameraErrors(blur_px=CAMERA_CLASSES["realistic"].blur_px))
-    middle = slice(512 - 60, 512 + 60), slice(640 - 60, 640 + 60)
+    centre = slice(512 - 60, 512 + 60), slice(640 - 60, 640 + 60)
     transfers = [
-        _transfer(Lens(scene.rig.left, canvas, finer, each).bend(drawn)[middle]) for each in errors
+        _transfer(Lens(scene.rig.left, canvas, finer, each).bend(drawn)[centre]) for each in errors
     ]
     return transfers[0][0], transfers[0][1], transfers[1][1]
 
@@ -200,8 +200,8 @@ def _reconstructions(path: Path, scene: Scene, tissue: SoftTissue) -> dict[str, 
 
 def _crop(image: UInt8[np.ndarray, "h w"], title: str) -> UInt8[np.ndarray, "h2 w2"]:
     """A patch about the middle of the image, enlarged without smoothing."""
-    middle = np.array(image.shape) // 2
-    top, left = middle - CROP_PX // 2
+    centre = np.array(image.shape) // 2
+    top, left = centre - CROP_PX // 2
     patch = image[top : top + CROP_PX, left : left + CROP_PX]
     large = cv2.resize(
         patch, None, fx=CROP_ZOOM, fy=CROP_ZOOM, interpolation=cv2.INTER_NEAREST

@@ -15,7 +15,7 @@ import numpy as np
 from breastscan.run import writing
 from breastscan.run.versions import versions
 from experiments import joint_study_figures, joint_walks
-from experiments.joint_walks import LIMITS, MOUNTS_DEG, SPINS, Walk
+from experiments.joint_walks import LIMITS, MOUNTS_DEG, ROLL_TOLERANCES, Walk
 from sim.scene import PERIOD
 
 
@@ -29,8 +29,8 @@ def run(out: Path, *, seed: int) -> list[Walk]:
     loops = list(joint_walks.loops(seed))
     with writing.staged(out) as folder:
         walks = [
-            joint_walks.walk(loop, mount, spin)
-            for loop, spin, mount in product(loops, SPINS, MOUNTS_DEG)
+            joint_walks.walk(loop, mount, roll)
+            for loop, roll, mount in product(loops, ROLL_TOLERANCES, MOUNTS_DEG)
         ]
         fluctuations = joint_walks.fluctuations(loops)
         figures = joint_study_figures.write(folder, walks)
@@ -56,7 +56,7 @@ def summary(walk: Walk) -> dict[str, object]:
     values: dict[str, object] = {
         "loop": walk.loop,
         "mount_deg": walk.mount_deg,
-        "spin": walk.spin,
+        "roll": walk.roll,
         "unreachable": walk.unreachable,
     }
     if walk.planned is None or walk.q is None or walk.qd is None or walk.resampled is None:
@@ -74,7 +74,7 @@ def summary(walk: Walk) -> dict[str, object]:
         "largest_joint_step_deg": float(np.degrees(np.abs(np.diff(joints.q, axis=0)).max())),
         "limits": {
             use.limit: {
-                "share": use.share,
+                "fraction": use.fraction,
                 "bound": use.bound,
                 "joint": use.joint,
                 "time_s": use.sample * PERIOD,
@@ -124,7 +124,7 @@ def _speed_row(walk: Walk, walks: list[Walk]) -> str:
         return f"{start} not possible: {points} |" + 7 * " |"
     went, planned = np.abs(walk.qd).max(axis=0), np.abs(walk.planned.qd).max(axis=0)
     cells = " | ".join(f"{w:.3f} ({p:.3f})" for w, p in zip(went, planned, strict=True))
-    baseline = next(w for w in walks if (w.loop, w.spin, w.mount_deg) == (walk.loop, "fixed", 0.0))
+    baseline = next(w for w in walks if (w.loop, w.roll, w.mount_deg) == (walk.loop, "fixed", 0.0))
     ratio = "-" if baseline.qd is None else f"{went.max() / np.abs(baseline.qd).max():.2f}"
     return f"{start} {cells} | {went.max():.3f} | {ratio} |"
 
@@ -133,13 +133,13 @@ def _limit_row(walk: Walk) -> str:
     values = summary(walk)
     limits, swing = values["limits"], np.asarray(values["swing_deg"])
     assert isinstance(limits, dict)
-    shares = " | ".join(
+    fractions = " | ".join(
         f"{use['share']:.1%} (joint {use['joint']}, {use['time_s']:.1f} s)"
         for use in limits.values()
     )
     walked = float(np.max(np.asarray(values["acceleration_peak_rad_s2"])))
     return (
-        f"| {walk.loop} | {walk.name} | {swing[5]:.0f}° | {shares} | {walked:.2f} | "
+        f"| {walk.loop} | {walk.name} | {swing[5]:.0f}° | {fractions} | {walked:.2f} | "
         f"{values['resampled_1ms_acceleration_pct']:.2f} %, {values['resampled_1ms_jerk_pct']:.2f} "
         "% |"
     )

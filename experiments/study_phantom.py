@@ -27,8 +27,8 @@ from experiments.tissue_cost import (
     FINER,
     HEIGHTS,
     LONGEST_RIPPLE,
+    ROLLS_DEG,
     SLIDE_DEPTH,
-    SPINS_DEG,
     Build,
     Slide,
 )
@@ -47,8 +47,8 @@ MASS = LayerConfig(mass_radius=0.010, mass_p_S=(0.045, 0.0, 0.020))
 TISSUES = {
     "fat alone": LayerConfig(),
     "mass of 20 mm, 4 x": MASS,
-    "gland, 3 x": LayerConfig(gland_share=0.7),
-    "gland and skin": LayerConfig(gland_share=0.7, skin_ratio=SKIN_YOUNG / FAT_YOUNG),
+    "gland, 3 x": LayerConfig(gland_fraction=0.7),
+    "gland and skin": LayerConfig(gland_fraction=0.7, skin_ratio=SKIN_YOUNG / FAT_YOUNG),
 }
 LAYERED_DEPTH = 0.005
 """[m]"""
@@ -97,9 +97,9 @@ def run(out: Path, *, seed: int) -> Study:
             flex=_flex_forces(phantom, PLACES[0][1]),
             convergence=tissue_cost.convergence(phantom, soft, DEPTHS[[1, 4, 7]]),
             slides={
-                (height, spin): tissue_cost.slide(phantom, soft, height, np.radians(spin))
+                (height, roll): tissue_cost.slide(phantom, soft, height, np.radians(roll))
                 for height in HEIGHTS
-                for spin in SPINS_DEG
+                for roll in ROLLS_DEG
             },
             builds=tissue_cost.builds(),
         )
@@ -158,7 +158,7 @@ def _summary(study: Study) -> dict[str, object]:
             str(points): (100 * change).tolist() for points, change in study.convergence.items()
         },
         "ripple_n": {
-            f"height {height}, spin {spin}°": s.ripple for (height, spin), s in study.slides.items()
+            f"height {height}, spin {roll}°": s.ripple for (height, roll), s in study.slides.items()
         },
         "press_ms": 1e3 * float(np.mean([slide.press for slide in study.slides.values()])),
         "build": {
@@ -222,12 +222,12 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
     )
     yield "|---|---|---|---|---|---|"
     for height in HEIGHTS:
-        ripple = [study.slides[height, spin].ripple for spin in SPINS_DEG]
-        force = np.mean([study.slides[height, spin].force.mean() for spin in SPINS_DEG])
-        along, across = (study.slides[height, spin].ripple for spin in (0, 90))
+        ripple = [study.slides[height, roll].ripple for roll in ROLLS_DEG]
+        force = np.mean([study.slides[height, roll].force.mean() for roll in ROLLS_DEG])
+        along, across = (study.slides[height, roll].ripple for roll in (0, 90))
         yield (
             f"| {height:g} of the height | {force:.2f} | {along:.4f} | {across:.4f} | "
-            f"{max(ripple):.4f} at {SPINS_DEG[np.argmax(ripple)]}° | "
+            f"{max(ripple):.4f} at {ROLLS_DEG[np.argmax(ripple)]}° | "
             f"{metrics.rms(np.array(ripple)):.4f} |"
         )
     press = np.mean([slide.press for slide in study.slides.values()])

@@ -27,7 +27,7 @@ CASES = {
 FINER = (800, 1600)
 """Finite-element vertices on the skin that the default is held against."""
 PLACES = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-HEIGHTS, SPINS_DEG = (0.3, 0.5, 0.7), tuple(range(0, 180, 15))
+HEIGHTS, ROLLS_DEG = (0.3, 0.5, 0.7), tuple(range(0, 180, 15))
 """Contours, over the breast's height, and spins of the probe in which it slides along them: at 0
 the array lies along the way, at 90 across it [deg]."""
 SLIDE_DEPTH = 0.006
@@ -107,7 +107,7 @@ def convergence(
     }
 
 
-def slide(phantom: Phantom, soft: SoftTissue, height: float, spin: float) -> Slide:
+def slide(phantom: Phantom, soft: SoftTissue, height: float, roll: float) -> Slide:
     """Slide the probe around a contour of the breast, in even steps."""
     loop_S = phantom.level_loop(height * phantom.height, 4000)
     along = np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1)
@@ -115,7 +115,7 @@ def slide(phantom: Phantom, soft: SoftTissue, height: float, spin: float) -> Sli
     azimuths = 2 * np.pi * np.arange(4001) / 4000
     even = np.arange(0, length, length / round(length / SLIDE_STEP))[: round(length / SLIDE_STEP)]
     places = np.interp(even, np.append(0, np.cumsum(along)), azimuths)
-    poses = [pose(phantom, place, SLIDE_DEPTH, height, spin) for place in places]
+    poses = [pose(phantom, place, SLIDE_DEPTH, height, roll) for place in places]
     start = time.process_time()
     force = np.array([axial_force(soft, X_SP) for X_SP in poses])
     return Slide(force=force, length=length, press=(time.process_time() - start) / len(poses))

@@ -63,17 +63,17 @@ class _Chebyshev:
             largest = float(np.linalg.norm(x))
             x /= largest
         largest *= 1.1
-        self._middle = largest * (1 + 1 / SPECTRUM) / 2
+        self._centre = largest * (1 + 1 / SPECTRUM) / 2
         self._half = largest * (1 - 1 / SPECTRUM) / 2
 
     def __call__(self, right: np.ndarray, x: np.ndarray) -> np.ndarray:
         residual = right - self._A @ x
-        rho = self._half / self._middle
-        step = self._scaled(residual) / self._middle
+        rho = self._half / self._centre
+        step = self._scaled(residual) / self._centre
         for _ in range(SMOOTHING):
             x = x + step
             residual = residual - self._A @ step
-            following = 1 / (2 * self._middle / self._half - rho)
+            following = 1 / (2 * self._centre / self._half - rho)
             step = following * rho * step + 2 * following / self._half * self._scaled(residual)
             rho = following
         return x

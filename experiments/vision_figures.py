@@ -68,9 +68,11 @@ def _disparity(result: Reconstruction) -> np.ndarray:
 def _cloud(result: Reconstruction) -> np.ndarray:
     """The down-sampled breast seen from the side, lit by its normals [Zhang, Fig. 7]."""
     tilt = np.radians(CLOUD_TILT_DEG)
-    turn = np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
-    points = (result.sampled_L - result.sampled_L.mean(axis=0)) @ turn.T
-    light = np.clip(result.normals_L @ turn.T @ TO_LAMP, 0.2, 1.0)
+    rotation = np.array(
+        [[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]]
+    )
+    points = (result.sampled_L - result.sampled_L.mean(axis=0)) @ rotation.T
+    light = np.clip(result.normals_L @ rotation.T @ TO_LAMP, 0.2, 1.0)
     xy = (CLOUD_SCALE * points[:, :2]).astype(int)
     xy -= xy.min(axis=0) - 20
     picture = np.full((*(xy.max(axis=0) + 20)[::-1], 3), 255, np.uint8)

@@ -25,9 +25,9 @@ from sim.truth import Truth
 
 def build_world(config: SceneConfig, stages: Stages) -> tuple[Scene, Mechanics]:
     """The scene and its tissue; the first time, the finite elements take a while."""
-    with stages.stage("tissue") as report_share:
+    with stages.stage("tissue") as report_fraction:
         scene = Scene(config)
-        return scene, build_mechanics(scene.phantom, lambda share, _: report_share(share))
+        return scene, build_mechanics(scene.phantom, lambda fraction, _: report_fraction(fraction))
 
 
 def measured_scan(

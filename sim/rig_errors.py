@@ -10,10 +10,10 @@ def rig_errors(rig: StereoRig, truth: StereoRig) -> dict[str, float]:
     """Errors of the cameras' relative pose and, where the rig has one, of its place in the
     robot's base.
     """
-    turn_deg = np.degrees(se3.rotation_vector(rig.X_RL @ se3.inverse(truth.X_RL)))
+    rotation_deg = np.degrees(se3.rotation_vector(rig.X_RL @ se3.inverse(truth.X_RL)))
     errors = {
         "baseline_error_mm": abs(rig.baseline - truth.baseline) * 1e3,
-        "yaw_error_deg": float(abs(turn_deg[1])),
+        "yaw_error_deg": float(abs(rotation_deg[1])),
     }
     if rig.X_BL is None or truth.X_BL is None:
         return errors

@@ -26,4 +26,4 @@ def true_loop_motion(scene: Scene, tissue: Mechanics) -> Motion:
     path = Path(
         points_B=se3.transform(scene.X_BS, points_S), normals_B=se3.rotate(scene.X_BS, normals_S)
     )
-    return motion.plan(path, scene.X_FP, PERIOD, FeedrateLimits(), JointPathConfig())[0]
+    return motion.plan_motion(path, scene.X_FP, PERIOD, FeedrateLimits(), JointPathConfig())[0]

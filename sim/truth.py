@@ -42,7 +42,7 @@ class Truth:
         self._phantom = phantom
         self._tissue = tissue
         skin = phantom.skin
-        self._skin_direction = phantom.unembed(skin.vertices_S)
+        self._skin_direction = phantom.inverse_map(skin.vertices_S)
         self._faces_around = trimesh.Trimesh(
             skin.vertices_S, skin.triangles, process=False
         ).vertex_faces
@@ -182,11 +182,11 @@ class Truth:
         """
         outside = inside - RAY_STEP
         for _ in range(BISECTIONS):
-            middle = (inside + outside) / 2
-            is_inside = self._phantom.level(origin_S + middle[:, None] * unit_S) < 0
+            midpoint = (inside + outside) / 2
+            is_inside = self._phantom.level(origin_S + midpoint[:, None] * unit_S) < 0
             inside, outside = (
-                np.where(is_inside, middle, inside),
-                np.where(is_inside, outside, middle),
+                np.where(is_inside, midpoint, inside),
+                np.where(is_inside, outside, midpoint),
             )
         return origin_S + inside[:, None] * unit_S
 
@@ -196,15 +196,15 @@ class Truth:
         """Where each ray enters and leaves a ball around the breast, above the plate [m];
         nowhere if far < near.
         """
-        middle_S = np.array([0.0, 0.0, self._phantom.height / 2])
-        radius = np.linalg.norm(self._phantom.skin.vertices_S - middle_S, axis=1).max()
-        to_middle = unit_S @ (middle_S - origin_S)
-        discriminant = radius**2 - np.sum((middle_S - origin_S) ** 2) + to_middle**2
+        centre_S = np.array([0.0, 0.0, self._phantom.height / 2])
+        radius = np.linalg.norm(self._phantom.skin.vertices_S - centre_S, axis=1).max()
+        to_centre = unit_S @ (centre_S - origin_S)
+        discriminant = radius**2 - np.sum((centre_S - origin_S) ** 2) + to_centre**2
         half = np.sqrt(np.maximum(discriminant, 0.0))
         with np.errstate(divide="ignore"):
             to_plate = np.where(unit_S[:, 2] < 0, -origin_S[2] / unit_S[:, 2], np.inf)
-        near = np.maximum(to_middle - half, 0.0)
-        return near, np.where(discriminant > 0, np.minimum(to_middle + half, to_plate), -np.inf)
+        near = np.maximum(to_centre - half, 0.0)
+        return near, np.where(discriminant > 0, np.minimum(to_centre + half, to_plate), -np.inf)
 
     def _first_inside(
         self,

@@ -32,7 +32,7 @@ install_import_hook(
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-MOST_LATE = 0.002
+MAX_LATENESS = 0.002
 """By which a period may begin late where 500 Hz are held [s]: one period."""
 PROCESSES = 3
 """That take part in a scan over the link: the twin, who talks to it, and who decides."""
@@ -51,10 +51,10 @@ print(late)
 
 def pytest_runtest_setup(item):
     """Tests marked `realtime` are left out where 500 Hz are not held anyway."""
-    if item.get_closest_marker("realtime") is not None and lateness() > MOST_LATE:
+    if item.get_closest_marker("realtime") is not None and lateness() > MAX_LATENESS:
         pytest.skip(
             f"in a second of 500 Hz a period began {lateness() * 1e3:.0f} ms late, at most "
-            f"{MOST_LATE * 1e3:.0f} ms are held here: the machine is busy"
+            f"{MAX_LATENESS * 1e3:.0f} ms are held here: the machine is busy"
         )
 
 

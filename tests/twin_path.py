@@ -17,10 +17,10 @@ PATH_POINTS = 200
 def arc_motion(scene, truth, length, speed=0.025, clearance=0.012):
     """A part of the half-height loop, on the side where y is greatest, from rest to rest."""
     loop_S = truth.half_height_loop()
-    middle = int(loop_S[:, 1].argmax())
+    centre = int(loop_S[:, 1].argmax())
     step = np.linalg.norm(loop_S[1] - loop_S[0])
     reach = int(0.5 * (length + 0.01) / step)
-    points_S = loop_S[np.linspace(middle - reach, middle + reach, PATH_POINTS).astype(int)]
+    points_S = loop_S[np.linspace(centre - reach, centre + reach, PATH_POINTS).astype(int)]
     points_S, normals_S = truth.closest(points_S)
     X_BP = [scene.X_BS @ se3.pose(_upright(n), p) for p, n in zip(points_S, normals_S, strict=True)]
     q = [_nearest(kinematics.inverse(X_BP[0] @ se3.inverse(scene.X_FP)), ELBOW_UP)]

@@ -59,10 +59,10 @@ def _covariances(
     owner = np.repeat(np.arange(len(queries)), counts)
     # small numbers: moments about a far origin would cancel
     local = points[neighbours] - queries[owner]
-    share = 1.0 / np.maximum(counts, 1)
+    reciprocal = 1.0 / np.maximum(counts, 1)
 
     def mean(values: np.ndarray) -> np.ndarray:
-        return np.bincount(owner, weights=values, minlength=len(queries)) * share
+        return np.bincount(owner, weights=values, minlength=len(queries)) * reciprocal
 
     centroid = np.stack([mean(local[:, i]) for i in range(3)], axis=-1)
     covariances = np.empty((len(queries), 3, 3))

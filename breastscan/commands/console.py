@@ -60,10 +60,10 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
     )  # fmt: skip
     tasks: dict[str, TaskID] = {}
 
-    def listen(stage: str, share: float) -> None:
+    def listen(stage: str, fraction: float) -> None:
         if stage not in tasks:
             tasks[stage] = progress.add_task(stage, total=1.0)
-        progress.update(tasks[stage], completed=share)
+        progress.update(tasks[stage], completed=fraction)
 
     with progress:
         yield listen

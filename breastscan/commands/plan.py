@@ -38,7 +38,7 @@ COLUMNS = (
 )
 """Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write
 it."""
-PLATE_SHARE = 0.005
+PLATE_QUANTILE = 0.005
 """Share of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
 
 
@@ -94,7 +94,7 @@ def plan(
     file, tcp = settings.calibration, np.array(settings.tcp, float)
     arm = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
     X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
-    planned, _ = motion.plan(
+    planned, _ = motion.plan_motion(
         path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm
     )
     q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
@@ -120,8 +120,8 @@ def _tell(planned: Motion, limits: JointPathConfig, out: Path) -> None:
     for use in limit_uses(planned.q, PERIOD, limits):
         place_mm = planned.s[min(use.sample, len(planned.s) - 1)] * 1e3
         console.print(
-            f"{use.limit:<13} {use.share:4.0%} of {use.bound:.3g} {use.unit}, by joint {use.joint} "
-            f"at {place_mm:.0f} mm",
+            f"{use.limit:<13} {use.fraction:4.0%} of {use.bound:.3g} {use.unit}, "
+            f"by joint {use.joint} at {place_mm:.0f} mm",
             highlight=False,
         )
 
@@ -157,7 +157,7 @@ def _path(source: Path) -> SkinPath:
 def _loop(source: Path, config: PlanConfig) -> SkinPath:
     """The half-height loop on a cloud."""
     points_B, normals_B = read_cloud(source)
-    lowest = float(np.quantile(points_B[:, 2], PLATE_SHARE))
+    lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
     height = lowest if config.plate_height is None else config.plate_height
     plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
     return pattern.half_height_loop(points_B, normals_B, plate, config.pattern)

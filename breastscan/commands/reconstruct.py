@@ -34,7 +34,7 @@ VIEW_NEIGHBOURS = 15
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class PairReconstruction:
     """What a pair shows."""
 
     disparity: Float32[np.ndarray, "h w"]
@@ -54,7 +54,7 @@ def reconstruct(
     rig: Path,
     out: Out = Path("out/reconstruct"),
     settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
-) -> View:
+) -> PairReconstruction:
     """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where
     there is none.
 
@@ -82,14 +82,14 @@ def reconstruct(
         pair, matched = scan.match(images, cameras, settings, Stages())
         try:
             breast = scan.reconstruct_breast(pair, matched, settings, Stages())
-            view = View(
+            view = PairReconstruction(
                 disparity=breast.disparity,
                 breast=breast.breast,
                 points_L=breast.sampled_L,
                 normals_L=breast.normals_L,
             )
         except NoBreastError:
-            scan.check_order(images, matched, cameras, settings)
+            scan.check_sides(images, matched, cameras, settings)
             view = _whole_view(pair, matched, settings)
         writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
@@ -103,7 +103,7 @@ def reconstruct(
 
 def _whole_view(
     pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig
-) -> View:
+) -> PairReconstruction:
     """All that was matched, as it was matched."""
     step = max(1, int(np.ceil(np.sqrt(np.isfinite(matched).sum() / VIEW_POINTS))))
     points_L = triangulate(matched, pair)[::step, ::step]
@@ -116,4 +116,6 @@ def _whole_view(
         )
     points_L = points_L[filters.statistical_inliers(points_L, alpha=config.denoise_alpha)]
     normals_L = normals.estimate_normals(points_L, k=VIEW_NEIGHBOURS)
-    return View(disparity=matched, breast=None, points_L=points_L, normals_L=normals_L)
+    return PairReconstruction(
+        disparity=matched, breast=None, points_L=points_L, normals_L=normals_L
+    )

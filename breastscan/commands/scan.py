@@ -123,10 +123,10 @@ def scan(
         "scene": scene,
     }
 
-    def eyes() -> StereoCamera:
+    def chosen_camera() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
-    _scan_robot(out, settings, host, whole, eyes, plan, in_air=dry_run, agreed=yes)
+    _scan_robot(out, settings, host, whole, chosen_camera, plan, in_air=dry_run, agreed=yes)
 
 
 def _scan_twin(
@@ -150,11 +150,11 @@ def _scan_twin(
         result.save(folder)
         write_settings(folder, settings)
         if video:
-            with stages.stage("video") as share_done:
+            with stages.stage("video") as report_fraction:
                 film = VideoConfig(fine=fine and _fine_or_reason())
                 render_video(
                     world, tissue, result.trajectory, folder / "scan.mp4", film,
-                    progress=lambda share, _: share_done(share),
+                    progress=lambda fraction, _: report_fraction(fraction),
                 )  # fmt: skip
         write_report(folder, found, stages)
     summarise(out, found)
@@ -201,7 +201,7 @@ def _scan_robot(
     settings: dict,
     host: str,
     cell: Cell,
-    eyes: Callable[[], StereoCamera],
+    open_camera: Callable[[], StereoCamera],
     config: ScanConfig,
     *,
     in_air: bool,
@@ -235,7 +235,7 @@ def _scan_robot(
             preflight.require_plausible_sensor(arm)
             result = run_scan(
                 arm,
-                eyes(),
+                open_camera(),
                 cell,
                 config,
                 stages,

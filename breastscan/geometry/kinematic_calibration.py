@@ -81,12 +81,12 @@ class KinematicCalibration:
             alpha: Of the link twists [rad].
         """
         z, x = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
-        X_turns = se3.from_rotation_vector(theta[:, None] * z, np.zeros((6, 3)))
+        X_rotations = se3.from_rotation_vector(theta[:, None] * z, np.zeros((6, 3)))
         X_links = se3.from_rotation_vector(
             (DH_ALPHA + alpha)[:, None] * x, (DH_A + a)[:, None] * x + (DH_D + d)[:, None] * z
         )
         X_before = np.concatenate([np.eye(4)[None], X_links[:-1]])
-        return KinematicCalibration(X_joints=X_before @ X_turns, X_6F=X_links[-1])
+        return KinematicCalibration(X_joints=X_before @ X_rotations, X_6F=X_links[-1])
 
     def forward(self, q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]:
         """Flange pose `X_BF` [m] at joint angles `q` [rad]."""
@@ -149,8 +149,8 @@ class KinematicCalibration:
 def _nudged(X_BF: np.ndarray, distance: float) -> np.ndarray:
     """The poses moved by `distance` [m] away from the shoulder."""
     X_moved = X_BF.copy()
-    way = X_BF[..., :3, 3] - np.array([0.0, 0.0, DH_D[0]])
-    X_moved[..., :3, 3] += distance * way / np.linalg.norm(way, axis=-1, keepdims=True)
+    arm_B = X_BF[..., :3, 3] - np.array([0.0, 0.0, DH_D[0]])
+    X_moved[..., :3, 3] += distance * arm_B / np.linalg.norm(arm_B, axis=-1, keepdims=True)
     return X_moved
 
 

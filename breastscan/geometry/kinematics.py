@@ -205,9 +205,9 @@ def _inverse_branches(X):
         sine, azimuth = _shoulder_offset_sine(X[k])
         if sine > 1.0 + ROUNDING:
             continue
-        turn = math.asin(min(sine, 1.0))
+        offset_angle = math.asin(min(sine, 1.0))
         for shoulder in range(2):
-            q1 = azimuth + turn if shoulder == 0 else azimuth + math.pi - turn
+            q1 = azimuth + offset_angle if shoulder == 0 else azimuth + math.pi - offset_angle
             for wrist in range(2):
                 q5, q6, q234, x, y = _wrist(X[k], q1, wrist)
                 c3 = (x * x + y * y - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
@@ -233,10 +233,10 @@ def _reach_excess(X):
     longest, shortest = abs(DH_A[1] + DH_A[2]), abs(DH_A[1] - DH_A[2])
     for k in range(len(X)):
         sine, azimuth = _shoulder_offset_sine(X[k])
-        turn = math.asin(min(sine, 1.0))
+        offset_angle = math.asin(min(sine, 1.0))
         best = math.inf
         for shoulder in range(2):
-            q1 = azimuth + turn if shoulder == 0 else azimuth + math.pi - turn
+            q1 = azimuth + offset_angle if shoulder == 0 else azimuth + math.pi - offset_angle
             for wrist in range(2):
                 _, _, _, x, y = _wrist(X[k], q1, wrist)
                 distance = math.hypot(x, y)

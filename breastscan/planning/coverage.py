@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 from breastscan.errors import PlanningError
 from breastscan.geometry.plane import Plane
 from breastscan.planning import pattern
-from breastscan.planning.patch import Surface, axes_along
+from breastscan.planning.patch import MlsSurface, axes_along
 from breastscan.planning.pattern import Path, PatternConfig
 
 SEED_POINTS = 6
@@ -28,7 +28,7 @@ SEED_POINTS = 6
 class Dome:
     """A breast's skin, seen from the middle of its foot."""
 
-    surface: Surface
+    surface: MlsSurface
     centre_B: Float[np.ndarray, "3"]
     """Middle of the breast on the chest plate, in B [m]."""
     axes: Float[np.ndarray, "3 3"]
@@ -47,11 +47,11 @@ class Dome:
             PlanningError: That loop does not close.
         """
         loop = pattern.half_height_loop(points_B, normals_B, plate, config)
-        middle_B = loop.points_B.mean(axis=0)
+        loop_centre_B = loop.points_B.mean(axis=0)
         return Dome(
-            surface=Surface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius),
-            centre_B=middle_B - plate.normal * plate.heights(middle_B[None])[0],
-            axes=pattern.plate_axes(plate, middle_B),
+            surface=MlsSurface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius),
+            centre_B=loop_centre_B - plate.normal * plate.heights(loop_centre_B[None])[0],
+            axes=pattern.plate_axes(plate, loop_centre_B),
         )
 
     @cached_property
@@ -103,11 +103,13 @@ def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing
         spacing: Angle between neighbouring points, seen from the centre [rad].
     """
     _check_polar(np.array([innermost, outermost]))
-    share = np.linspace(0.0, 1.0, 2000)
-    polar, azimuth = innermost + (outermost - innermost) * share, 2.0 * np.pi * turns * share
+    fraction = np.linspace(0.0, 1.0, 2000)
+    polar, azimuth = innermost + (outermost - innermost) * fraction, 2.0 * np.pi * turns * fraction
     steps = np.hypot(np.diff(polar), np.sin(polar[1:]) * np.diff(azimuth))
-    way = np.append(0.0, np.cumsum(steps))
-    even = np.interp(np.linspace(0.0, way[-1], math.ceil(way[-1] / spacing) + 1), way, share)
+    distance = np.append(0.0, np.cumsum(steps))
+    even = np.interp(
+        np.linspace(0.0, distance[-1], math.ceil(distance[-1] / spacing) + 1), distance, fraction
+    )
     return dome.path(
         _rays(innermost + (outermost - innermost) * even, 2.0 * np.pi * turns * even), closed=False
     )

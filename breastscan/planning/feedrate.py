@@ -22,7 +22,7 @@ from breastscan.geometry.nurbs import Nurbs
 
 LOOK_AHEAD_STEPS = 4096
 """Pieces of the curve, equal in length, on which its speed is planned."""
-SLOW_SHARE = 0.01
+SLOW_FRACTION = 0.01
 """Share of the top speed below which the fluctuation is not counted: there rounding of the
 coordinates shows."""
 END_PASSES = 8
@@ -94,7 +94,7 @@ class Feed:
         """
         chords = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         planned = self.speeds[:-1] * np.diff(self.t)
-        fast = planned >= SLOW_SHARE * planned.max()
+        fast = planned >= SLOW_FRACTION * planned.max()
         return 100.0 * float(np.max(np.abs(chords[fast] / planned[fast] - 1.0)))
 
 

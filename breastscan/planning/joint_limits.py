@@ -13,20 +13,20 @@ from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import kinematics
 
-OBSTACLES = (
+VIOLATIONS = (
     "out of reach",
     "beyond the elbow's limit",
     "too near a singularity",
     "below the floor",
 )
-"""What can stand against a configuration, in the order of `obstacles`."""
+"""What can stand against a configuration, in the order of `violations`."""
 
 RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 """What is limited for each joint, and its unit: the angle and its derivatives."""
 CLEARANCE_EVERY = 50
 """Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and
 500 Hz."""
-SMOOTHING_SHARE = 0.8
+SMOOTHING_FRACTION = 0.8
 """Share of the collision margin that must be left where the smoothed spin leaves the measured
 poses."""
 
@@ -57,7 +57,7 @@ class LimitUse:
     """What it may have either way, in `unit`."""
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Share of the limit that is used; above 1 it is broken."""
         return abs(self.value) / self.bound
 
@@ -88,7 +88,7 @@ class JointPathConfig:
     collision_margin: float = 0.01
     """Least distance of the arm and its tool from themselves and from what stands around [m], where
     it is measured."""
-    spin_tolerance: float = math.pi / 2
+    roll_tolerance: float = math.pi / 2
     """How far the array may turn away from lying across the path [rad]: 0 keeps it there, pi / 2
     and more sets the spin free. Free is the default, because the joints move least; a probe mounted
     at 45 degrees stays across the path even so."""
@@ -99,17 +99,17 @@ class JointPathConfig:
         ranges = {
             "position_margin": (0.0, 0.99 * min(self.position_limit, self.elbow_limit)),
             "singularity_margin": (0.0, 0.99),
-            "spin_tolerance": (0.0, math.pi),
+            "roll_tolerance": (0.0, math.pi),
             "collision_margin": (0.0, 0.5),
             "floor": (-2.0, 2.0),
         }
         require_positive(self, "joints", but=tuple(ranges))
-        for name, (least, most) in ranges.items():
+        for name, (low, high) in ranges.items():
             value = getattr(self, name)
-            if not least <= value <= most:
+            if not low <= value <= high:
                 option = f"joints.{name.replace('_', '-')}"
                 raise ConfigError(
-                    f"{option} must lie between {least:.4g} and {most:.4g}, not {value}", value
+                    f"{option} must lie between {low:.4g} and {high:.4g}, not {value}", value
                 )
 
     @property
@@ -120,8 +120,8 @@ class JointPathConfig:
         return limits - self.position_margin
 
 
-def obstacles(q: Float[np.ndarray, "*b 6"], config: JointPathConfig) -> Bool[np.ndarray, "4 *b"]:
-    """Which of `OBSTACLES` stands against each configuration [rad]; NaN counts as out of reach.
+def violations(q: Float[np.ndarray, "*b 6"], config: JointPathConfig) -> Bool[np.ndarray, "4 *b"]:
+    """Which of `VIOLATIONS` stands against each configuration [rad]; NaN counts as out of reach.
 
     Only the elbow's position is looked at: the other joints have whole turns to choose from.
     """
@@ -161,14 +161,14 @@ def limit_uses(
     ]
 
 
-def dilation(uses: list[LimitUse]) -> float:
+def time_scaling(uses: list[LimitUse]) -> float:
     """Factor by which the trajectory must take longer to keep the limits of speed, acceleration and
     jerk; 1 at least.
 
     Taking k times as long divides speeds by k, accelerations by k^2 and jerks by k^3.
     """
     _, *rates = uses
-    return max(1.0, *(use.share ** (1.0 / order) for order, use in enumerate(rates, start=1)))
+    return max(1.0, *(use.fraction ** (1.0 / order) for order, use in enumerate(rates, start=1)))
 
 
 def check_trajectory(
@@ -184,18 +184,18 @@ def check_trajectory(
         PlanningError: It does not; the joint, the sample and the cure are named.
     """
     angle = limit_uses(q, period, config)[0]
-    if angle.share > 1.0:
+    if angle.fraction > 1.0:
         raise PlanningError(
             f"joint {angle.joint} would pass its limit of {angle.bound:.2f} rad with "
             f"{angle.value:.2f} rad at sample {angle.sample} of {len(q)}: start elsewhere on the "
             "loop, or run it the other way round",
             angle.value,
         )
-    against = obstacles(q, config)
+    against = violations(q, config)
     if against.any():
         kind, sample = (int(index) for index in np.argwhere(against)[0])
         raise PlanningError(
-            f"sample {sample} of {len(q)} comes {OBSTACLES[kind]}: move the phantom a little",
+            f"sample {sample} of {len(q)} comes {VIOLATIONS[kind]}: move the phantom a little",
             sample,
         )
     if clearances is not None:
@@ -221,10 +221,10 @@ def _check_clearances(q: np.ndarray, margin: float, clearances: Clearances) -> N
     samples = np.unique(np.append(np.arange(0, len(q), CLEARANCE_EVERY), len(q) - 1))
     gaps = clearances(q[samples])
     worst = int(np.argmin(gaps))
-    if not gaps[worst] >= margin * SMOOTHING_SHARE:
+    if not gaps[worst] >= margin * SMOOTHING_FRACTION:
         raise PlanningError(
             f"at sample {samples[worst]} of {len(q)} the arm is {gaps[worst] * 1e3:.1f} mm from "
-            f"itself or its surroundings, closer than {margin * SMOOTHING_SHARE * 1e3:.1f} mm: "
+            f"itself or its surroundings, closer than {margin * SMOOTHING_FRACTION * 1e3:.1f} mm: "
             "move the phantom a little",
             float(gaps[worst]),
         )

@@ -1,8 +1,8 @@
 """Joint path: probe positions and normals become a joint trajectory inside every limit [Zhang, Sec.
 V-B.1, Fig. 19].
 
-Spin and branch are chosen once for the whole path (`planning.route`); here the inverse kinematics
-is solved at every control period, on that branch.
+Roll and branch are chosen once for the whole path (`planning.redundancy`); here the inverse
+kinematics is solved at every control period, on that branch.
 """
 
 import numpy as np
@@ -11,12 +11,12 @@ from jaxtyping import Float
 from breastscan.errors import PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning import route
-from breastscan.planning.route import Route
+from breastscan.planning import redundancy
+from breastscan.planning.redundancy import RedundancyResolution
 
 
 def follow(
-    chosen: Route,
+    chosen: RedundancyResolution,
     positions_B: Float[np.ndarray, "n 3"],
     normals_B: Float[np.ndarray, "n 3"],
     X_FP: Float[np.ndarray, "4 4"],
@@ -43,7 +43,7 @@ def follow(
         PlanningError: The branch ends somewhere on the path, or before or after it.
     """
     X_BP = chosen.poses(positions_B, normals_B)
-    before, after = route.retreated(X_BP[[0, -1]], clearance)
+    before, after = redundancy.retreated(X_BP[[0, -1]], clearance)
     X_BF = np.concatenate([before[None], X_BP, after[None]]) @ se3.inverse(X_FP)
     q = kinematics.inverse_branches(X_BF)[:, chosen.branch]
     if calibration is not None:
@@ -57,6 +57,6 @@ def follow(
             bad,
         )
     q = np.unwrap(q, axis=0)  # no jumps of whole turns, and each joint's range about zero
-    middle = (q.min(axis=0) + q.max(axis=0)) / 2.0
-    q -= 2.0 * np.pi * np.round(middle / (2.0 * np.pi))
+    centre = (q.min(axis=0) + q.max(axis=0)) / 2.0
+    q -= 2.0 * np.pi * np.round(centre / (2.0 * np.pi))
     return q[1:-1], q[0]

@@ -14,12 +14,12 @@ from jaxtyping import Float
 from breastscan.errors import PlanningError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning import feedrate, joint_limits, joint_path, route
+from breastscan.planning import feedrate, joint_limits, joint_path, redundancy
 from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import Path
 
-MOST_PASSES = 4
+MAX_PASSES = 4
 """How often the motion is slowed at most: the second pass corrects what the rounding to whole
 periods changed."""
 SLACK = 1.001
@@ -58,7 +58,7 @@ class Motion:
         self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
     ) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] with the tip clear of the skin above a row; NaN where out of reach."""
-        X_lifted = route.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
+        X_lifted = redundancy.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
         return arm.refined(self.q[row], X_lifted @ se3.inverse(X_FP))
 
     def require_lift(self, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration) -> None:
@@ -76,7 +76,7 @@ class Motion:
                 )
 
 
-def plan(
+def plan_motion(
     path: Path,
     X_FP: Float[np.ndarray, "4 4"],
     period: float,
@@ -104,13 +104,15 @@ def plan(
             every limit.
     """
     feed = feedrate.interpolate(path.curve, limits, period)
-    chosen = route.choose(feed.positions, path.normals(feed.u), X_FP, period, config, clearances)
+    chosen = redundancy.resolve(
+        feed.positions, path.normals(feed.u), X_FP, period, config, clearances
+    )
     slowed = 1.0
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         q, q_approach = joint_path.follow(
             chosen, feed.positions, path.normals(feed.u), X_FP, config.clearance, calibration
         )
-        longer = joint_limits.dilation(joint_limits.limit_uses(q, period, config))
+        longer = joint_limits.time_scaling(joint_limits.limit_uses(q, period, config))
         if longer == 1.0:
             joint_limits.check_trajectory(q, period, config, clearances)
             qd = np.gradient(q, period, axis=0)

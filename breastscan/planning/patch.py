@@ -62,7 +62,7 @@ class Patch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
+class MlsSurface:
     """A cloud of points with normals, read as a surface that is smooth on the scale of `radius`."""
 
     points_B: Float[np.ndarray, "n 3"]
@@ -116,9 +116,9 @@ class Surface:
         coefficients = _weighted_fit(local, weights)
         residuals = np.abs(local[:, 2] - _terms(local[:, :2]) @ coefficients)
         spread = NORMAL_SPREAD * float(np.median(residuals))
-        believed = residuals <= OUTLIER_SPREADS * spread
-        if not believed.all():
-            coefficients = _weighted_fit(local[believed], weights[believed])
+        inlier = residuals <= OUTLIER_SPREADS * spread
+        if not inlier.all():
+            coefficients = _weighted_fit(local[inlier], weights[inlier])
         return Patch(origin_B=origin_B, axes=axes, coefficients=coefficients)
 
     def meet(

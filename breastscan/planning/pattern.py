@@ -16,13 +16,13 @@ from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.nurbs import Nurbs
 from breastscan.geometry.plane import Plane
-from breastscan.planning.patch import Surface
+from breastscan.planning.patch import MlsSurface
 
 TRACED_POINTS = 60
 """Points of the loop, even in azimuth, from which the evenly spaced ones are chosen."""
 SEED_POINTS = 12
 """Points of the cloud, nearest in azimuth, whose mean starts the search for a point of the loop."""
-TOP_SHARE = 0.01
+TOP_FRACTION = 0.01
 """Share of the points, the highest ones, among which the top of the breast is looked for."""
 TOP_PATCHES = 40
 """Patches fitted there."""
@@ -38,7 +38,7 @@ class PatternConfig:
 
     points: int = 15
     """Points of the loop, evenly spaced [Zhang, Sec. V-B.1]."""
-    height_share: float = 0.5
+    height_fraction: float = 0.5
     """Height of the loop as a share of the breast's height above the chest plate."""
     patch_radius: float = 0.016
     """Reach of the local fits [m]: greater averages more noise, smaller follows finer shape."""
@@ -53,10 +53,10 @@ class PatternConfig:
                 f"pattern.points must be 4 or more for a cubic curve, not {self.points}",
                 self.points,
             )
-        if not 0.0 < self.height_share < 1.0:
+        if not 0.0 < self.height_fraction < 1.0:
             raise ConfigError(
-                f"pattern.height-share must lie between 0 and 1, not {self.height_share}",
-                self.height_share,
+                f"pattern.height-fraction must lie between 0 and 1, not {self.height_fraction}",
+                self.height_fraction,
             )
         require_positive(self, "pattern")
 
@@ -95,7 +95,7 @@ def half_height_loop(
     plate: Plane,
     config: PatternConfig,
 ) -> Path:
-    """The closed loop round the breast at `config.height_share` of its height above the chest
+    """The closed loop round the breast at `config.height_fraction` of its height above the chest
     plate.
 
     It starts on the side that is nearest to the robot and runs counter-clockwise about the plate's
@@ -110,18 +110,18 @@ def half_height_loop(
     Raises:
         PlanningError: The loop is too small or does not close, or the skin has a hole on its way.
     """
-    surface = Surface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius)
-    return level_loop(surface, plate, config.height_share * top_height(surface, plate), config)
+    surface = MlsSurface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius)
+    return level_loop(surface, plate, config.height_fraction * top_height(surface, plate), config)
 
 
-def top_height(surface: Surface, plate: Plane) -> float:
+def top_height(surface: MlsSurface, plate: Plane) -> float:
     """Height of the breast's top, the nipple's tip, above the plate [m].
 
     Small patches at some of the highest points: noise does not raise them, nor does the breast
     below lower them.
     """
     heights = plate.heights(surface.points_B)
-    highest = np.argsort(heights)[-max(math.ceil(TOP_SHARE * len(heights)), TOP_PATCHES) :]
+    highest = np.argsort(heights)[-max(math.ceil(TOP_FRACTION * len(heights)), TOP_PATCHES) :]
     some_B = surface.points_B[highest[:: math.ceil(len(highest) / TOP_PATCHES)]]
     reach = float(surface.tree.query(some_B, TOP_POINTS)[0].max())
     summit = replace(surface, radius=max(TOP_RADIUS, reach))
@@ -132,7 +132,7 @@ def top_height(surface: Surface, plate: Plane) -> float:
     return float(plate.heights(best.origin_B[None])[0] + best.heights(xy).max())
 
 
-def level_loop(surface: Surface, plate: Plane, height: float, config: PatternConfig) -> Path:
+def level_loop(surface: MlsSurface, plate: Plane, height: float, config: PatternConfig) -> Path:
     """The closed loop round the breast at `height` [m] above the plate."""
     ring = _Ring.around(surface, plate, height, config)
     azimuths = 2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS
@@ -159,7 +159,7 @@ def level_loop(surface: Surface, plate: Plane, height: float, config: PatternCon
 class _Ring:
     """The part of the surface around one height, and polar coordinates about its middle."""
 
-    surface: Surface
+    surface: MlsSurface
     plate: Plane
     height: float
     centre_B: np.ndarray
@@ -170,7 +170,7 @@ class _Ring:
     band_azimuths: np.ndarray
 
     @staticmethod
-    def around(surface: Surface, plate: Plane, height: float, config: PatternConfig) -> "_Ring":
+    def around(surface: MlsSurface, plate: Plane, height: float, config: PatternConfig) -> "_Ring":
         heights = plate.heights(surface.points_B)
         band = np.flatnonzero(np.abs(heights - height) < config.patch_radius / 2)
         if len(band) < TRACED_POINTS:
@@ -209,9 +209,9 @@ class _Ring:
         return self.surface.meet(p_B, n_B / np.linalg.norm(n_B), planes_B, offsets)
 
 
-def plate_axes(plate: Plane, middle_B: np.ndarray) -> np.ndarray:
+def plate_axes(plate: Plane, centre_B: np.ndarray) -> np.ndarray:
     """Rows: towards the robot along the plate, across, and the plate's normal."""
-    towards_B = -(middle_B - plate.normal * (plate.normal @ middle_B))
+    towards_B = -(centre_B - plate.normal * (plate.normal @ centre_B))
     towards_B /= np.linalg.norm(towards_B)
     return np.stack([towards_B, np.cross(plate.normal, towards_B), plate.normal])
 

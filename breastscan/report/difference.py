@@ -12,7 +12,7 @@ from breastscan.run.columns import MM_PER_M, Trajectory
 
 STEP = 0.25e-3
 """Path length between two compared places [m]."""
-LEAST_OVERLAP = 5e-3
+MIN_OVERLAP = 5e-3
 """Path length that two loops must have in common to be compared [m]."""
 FARTHEST = 0.03
 """Planned tips further apart than this at equal path length belong to scans of different places
@@ -113,13 +113,13 @@ def difference(first: Trajectory, second: Trajectory, names: tuple[str, str]) ->
         _loop(trajectory, name) for trajectory, name in zip((first, second), names, strict=True)
     ]
     start, end = max(loop.s[0] for loop in loops), min(loop.s[-1] for loop in loops)
-    if end - start < LEAST_OVERLAP:
+    if end - start < MIN_OVERLAP:
         ranges = " and ".join(
             f"{loop.s[0] * MM_PER_M:.0f} .. {loop.s[-1] * MM_PER_M:.0f} mm" for loop in loops
         )
         raise ConfigError(
             f"the two runs do not overlap: their loops cover {ranges} of the path, expected "
-            f"{LEAST_OVERLAP * MM_PER_M:g} mm or more in common",
+            f"{MIN_OVERLAP * MM_PER_M:g} mm or more in common",
             (start, end),
         )
     s = np.linspace(start, end, round((end - start) / STEP) + 1)

@@ -23,7 +23,7 @@ HELD_OUT_EVERY = 5
 """One shot in so many is held out of a second calibration, and then predicted by it."""
 FEWEST_SHOTS = 12
 """That may remain."""
-SINGULAR_RATIO, SINGULAR_PX = 4.0, 0.05
+OUTLIER_RATIO, OUTLIER_PX = 4.0, 0.05
 """A shot is singular when its residual exceeds the median one so many times [-], and so much
 [px]."""
 
@@ -71,11 +71,11 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
                 dropped,
             )
         rig, X_LBoard, residuals_px = _estimate(used, size, board)
-        singular = _singular(residuals_px)
-        if singular is None:
+        outlier = _outlier(residuals_px)
+        if outlier is None:
             break
-        worst = residuals_px[singular].max()
-        dropped[used.pop(singular).name] = f"singular reprojection error, {worst:.2f} px"
+        worst = residuals_px[outlier].max()
+        dropped[used.pop(outlier).name] = f"singular reprojection error, {worst:.2f} px"
     _check_sides(rig)
     quality = Quality(
         coverage=image_coverage(used, size),
@@ -153,11 +153,11 @@ def _estimate(
     return rig, X_LBoard, bundle.residuals(bundle.reprojection(rig, X_LBoard, shots, board))
 
 
-def _singular(residuals_px: Float[np.ndarray, "shots 2"]) -> int | None:
+def _outlier(residuals_px: Float[np.ndarray, "shots 2"]) -> int | None:
     """The worst shot, if it stands out."""
     of_shot = residuals_px.max(axis=1)
     worst = int(of_shot.argmax())
-    limit_px = max(SINGULAR_RATIO * float(np.median(of_shot)), SINGULAR_PX)
+    limit_px = max(OUTLIER_RATIO * float(np.median(of_shot)), OUTLIER_PX)
     return worst if of_shot[worst] > limit_px else None
 
 

@@ -29,7 +29,7 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 CLOSED_FORMS = {"Park": cv2.CALIB_HAND_EYE_PARK, "Daniilidis": cv2.CALIB_HAND_EYE_DANIILIDIS}
 FEWEST_POSES = 10
 """Thirty are advisable."""
-LEAST_TILT = np.radians(8.0)
+MIN_TILT = np.radians(8.0)
 """Spread of the flange's rotations about the second of their axes, one sigma [rad]: +-30 deg give
 12."""
 POSITION_SIGMA, ROTATION_SIGMA = 5e-5, np.radians(0.01)
@@ -87,10 +87,10 @@ def hand_eye(
             shots,
         )
     spread = tilt_spread(X_BF)
-    if spread < LEAST_TILT:
+    if spread < MIN_TILT:
         raise CalibrationError(
             f"the flange's rotations vary by {np.degrees(spread):.1f} deg about their second axis, "
-            f"{np.degrees(LEAST_TILT):.0f} deg are needed: tilt the board by +-30 deg about "
+            f"{np.degrees(MIN_TILT):.0f} deg are needed: tilt the board by +-30 deg about "
             "several axes",
             spread,
         )
@@ -132,8 +132,8 @@ def tilt_spread(X_BF: Float[np.ndarray, "n 4 4"]) -> float:
     Rotations about one axis alone leave the camera's place along it open.
     """
     rotations = Rotation.from_matrix(X_BF[:, :3, :3])
-    turns = (rotations.mean().inv() * rotations).as_rotvec()
-    return float(np.sqrt(max(np.linalg.eigvalsh(np.cov(turns.T))[1], 0.0)))
+    rotation_vectors = (rotations.mean().inv() * rotations).as_rotvec()
+    return float(np.sqrt(max(np.linalg.eigvalsh(np.cov(rotation_vectors.T))[1], 0.0)))
 
 
 def same_end(
@@ -151,8 +151,8 @@ def same_end(
     unlike = np.abs(_relative_angles(R_LBoard, R_LBoard @ HALF_TURN) - flange)
     half_turned = np.linalg.eigh(unlike - alike)[1][:, -1] < 0
     return [
-        shot.half_turned() if turned else shot
-        for shot, turned in zip(shots, half_turned, strict=True)
+        shot.half_turned() if flipped else shot
+        for shot, flipped in zip(shots, half_turned, strict=True)
     ]
 
 
@@ -165,8 +165,10 @@ def closed_form(
     With the camera fixed and the board on the flange, base and flange change places.
     """
     X_FB = se3.inverse(X_BF)
-    turns_and_places: Any = [part for X in (X_FB, X_LBoard) for part in (X[:, :3, :3], X[:, :3, 3])]
-    R, p = cv2.calibrateHandEye(*turns_and_places, method=method)
+    rotations_and_translations: Any = [
+        part for X in (X_FB, X_LBoard) for part in (X[:, :3, :3], X[:, :3, 3])
+    ]
+    R, p = cv2.calibrateHandEye(*rotations_and_translations, method=method)
     return se3.pose(R, p.reshape(3))
 
 

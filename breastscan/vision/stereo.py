@@ -14,7 +14,7 @@ from breastscan.vision.matching.census import census
 from breastscan.vision.matching.disparity_filters import filtered
 from breastscan.vision.matching.lanes import LANES
 from breastscan.vision.matching.sgm import semi_global_disparity
-from breastscan.vision.matching.sgm_kernels import LARGEST_P2, MOST_DISPARITIES, Matching
+from breastscan.vision.matching.sgm_kernels import LARGEST_P2, MAX_DISPARITIES, Matching
 
 COARSE_FACTOR, COARSE_WIDTH = 4, 160
 """The coarse pass shrinks the images so many times, but no narrower than this [px]."""
@@ -60,10 +60,10 @@ class StereoConfig:
                 f"stereo.min-disparity must be 0 px or more, got {self.min_disparity}"
             )
         if self.num_disparities is not None and not (
-            LANES <= self.num_disparities <= MOST_DISPARITIES and self.num_disparities % LANES == 0
+            LANES <= self.num_disparities <= MAX_DISPARITIES and self.num_disparities % LANES == 0
         ):
             raise ConfigError(
-                f"stereo.num-disparities must be a multiple of {LANES} up to {MOST_DISPARITIES}, "
+                f"stereo.num-disparities must be a multiple of {LANES} up to {MAX_DISPARITIES}, "
                 f"got {self.num_disparities}"
             )
         if self.paths not in (4, 8):

@@ -22,7 +22,7 @@ BACKING = 0.004
 """Thickness of the plate behind the print [m]."""
 ROD_RADIUS = 0.008
 """[m]"""
-X_FBOARD = se3.pose(np.eye(3), np.array([-0.275, -0.05, 0.12]))
+X_FBoard = se3.pose(np.eye(3), np.array([-0.275, -0.05, 0.12]))
 """The held board in the flange: beside the probe, its face turned back along the arm, up when the
 flange looks down."""
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
@@ -47,7 +47,7 @@ class BoardScene(Scene):
         Args:
             config: Cameras, their noise, and everything else that stands around.
             board: The board.
-            held: Whether the flange holds the board at `X_FBOARD`; else `place_board` says where it
+            held: Whether the flange holds the board at `X_FBoard`; else `place_board` says where it
                 floats.
         """
         super().__init__(config)
@@ -79,7 +79,7 @@ class BoardScene(Scene):
 def _add_board(parent: Element, board: Board, *, held: bool) -> None:
     for name, rgba in COLOURS.items():
         add_material(parent.root, name, rgba)
-    body = parent.add("body", name="board", **placed(X_FBOARD))
+    body = parent.add("body", name="board", **placed(X_FBoard))
     cells = _cells(board)
     for colour, black in (("board_black", True), ("board_white", False)):
         add_visual(
@@ -130,10 +130,10 @@ def _backing(board: Board) -> trimesh.Trimesh:
 def _bracket(board: Board) -> trimesh.Trimesh:
     """A rod behind the middle of the board, and a post from it back to the flange."""
     x, y, _ = board.centre
-    axis_x, behind = -X_FBOARD[0, 3], BACKING + ROD_RADIUS
+    axis_x, behind = -X_FBoard[0, 3], BACKING + ROD_RADIUS
     rod = along(barrel(ROD_RADIUS, axis_x - x, 0.001), (1.0, 0.0, 0.0), (x, y, behind))
     post = along(
-        barrel(ROD_RADIUS, X_FBOARD[2, 3] + behind, 0.001), (0.0, 0.0, -1.0), (axis_x, y, behind)
+        barrel(ROD_RADIUS, X_FBoard[2, 3] + behind, 0.001), (0.0, 0.0, -1.0), (axis_x, y, behind)
     )
     return joined(rod, post)
 
@@ -146,8 +146,8 @@ def tilted(
     """
     axis = number * GOLDEN_ANGLE
     tilt = np.radians(rng.uniform(*tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
-    spin = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
-    return se3.from_rotation_vector(tilt, np.zeros(3)) @ se3.from_rotation_vector(spin, np.zeros(3))
+    roll = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
+    return se3.from_rotation_vector(tilt, np.zeros(3)) @ se3.from_rotation_vector(roll, np.zeros(3))
 
 
 def centred(board: Board) -> Float[np.ndarray, "4 4"]:

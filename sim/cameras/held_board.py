@@ -15,7 +15,7 @@ from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
 from breastscan.vision.boards.board import Board
-from sim.cameras.board import X_FBOARD, BoardScene, centred, seen_by_both, tilted
+from sim.cameras.board import BoardScene, X_FBoard, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.camera_errors import CameraConfig
 from sim.robot import SimRobot
@@ -112,12 +112,12 @@ def _joint_pose(
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "6"]:
     for _ in range(TRIES):
-        turn = tilted(number, config.tilt_deg, rng)
+        rotation = tilted(number, config.tilt_deg, rng)
         place = se3.pose(np.eye(3), np.array(config.place) + rng.uniform(-1, 1, 3) * config.reach)
-        X_BBoard = place @ FACE_UP @ turn @ centred(board)
+        X_BBoard = place @ FACE_UP @ rotation @ centred(board)
         if not seen_by_both(scene.rig, se3.inverse(scene.X_BL) @ X_BBoard, board):
             continue
-        reachable = kinematics.inverse(X_BBoard @ se3.inverse(X_FBOARD))
+        reachable = kinematics.inverse(X_BBoard @ se3.inverse(X_FBoard))
         for q in sorted(reachable, key=lambda q: np.abs(_wrapped(q - q_before)).max()):
             q_near = q_before + _wrapped(q - q_before)
             if np.abs(q_near).max() < 2 * np.pi and clearance.closest(q_near).distance > CLEARANCE:
@@ -137,5 +137,5 @@ def _disturbed(
     X_BF: Float[np.ndarray, "4 4"], config: PoseConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "4 4"]:
     """What an arm states that is not exact."""
-    turn = np.radians(config.rotation_noise_deg) * rng.standard_normal(3)
-    return X_BF @ se3.from_rotation_vector(turn, config.position_noise * rng.standard_normal(3))
+    rotation = np.radians(config.rotation_noise_deg) * rng.standard_normal(3)
+    return X_BF @ se3.from_rotation_vector(rotation, config.position_noise * rng.standard_normal(3))

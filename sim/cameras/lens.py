@@ -13,10 +13,10 @@ from sim.cameras.camera_errors import CameraErrors
 
 PIXEL_PITCH = 4.8e-6
 """Pixel pitch of the PYTHON 1300 sensor [m]."""
-X_CAMERA_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+X_CG = np.diag([1.0, -1.0, -1.0, 1.0])
 """MuJoCo's camera (y up, looking along -z) in OpenCV's (y down, looking along +z)."""
 UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-FIELD_SHARE = 0.99
+FIELD_FRACTION = 0.99
 """Share of the polynomial's turning radius that is used: closer to it, its inverse is too steep to
 compute."""
 OUTSIDE_PX = -1000.0
@@ -51,7 +51,7 @@ def binned(camera: Intrinsics, factor: int) -> Intrinsics:
 
 def mujoco_camera(pinhole: Intrinsics, X_WC: Float[np.ndarray, "4 4"]) -> dict[str, object]:
     """MJCF attributes of a camera with this pinhole at `X_WC` (OpenCV's axes)."""
-    X_WG = X_WC @ X_CAMERA_GL
+    X_WG = X_WC @ X_CG
     size = np.array([pinhole.width, pinhole.height])
     centre = pinhole.K[:2, 2]
     return {
@@ -99,8 +99,8 @@ class Lens:
         # on the fine canvas: half a pixel is too narrow for a Gaussian of whole pixels
         if self._blur_px > 0:
             grey = cv2.GaussianBlur(grey, (0, 0), self._blur_px * self._supersampling)
-        share = 1 / self._supersampling
-        reduced = cv2.resize(grey, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+        scale = 1 / self._supersampling
+        reduced = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         light = cv2.remap(reduced, self._map_x, self._map_y, cv2.INTER_LANCZOS4).astype(
             np.float32, copy=False
         )
@@ -185,11 +185,11 @@ def _field_stop(camera: Intrinsics) -> float:
     in the extreme corners of some lenses, have no ray and stay dark.
     """
     k1, k2, _, _, k3 = camera.distortion
-    turns = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
-    squares = turns[(np.abs(turns.imag) < 1e-12) & (turns.real > 0)].real
+    extrema = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+    squares = extrema[(np.abs(extrema.imag) < 1e-12) & (extrema.real > 0)].real
     if len(squares) == 0:
         return np.inf
     square = squares.min()
     return float(
-        FIELD_SHARE * np.sqrt(square) * (1 + k1 * square + k2 * square**2 + k3 * square**3)
+        FIELD_FRACTION * np.sqrt(square) * (1 + k1 * square + k2 * square**2 + k3 * square**3)
     )

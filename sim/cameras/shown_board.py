@@ -99,19 +99,19 @@ def _board_pose(
     camera: Intrinsics = getattr(rig, side)
     X_LC = np.eye(4) if side == "left" else se3.inverse(rig.X_RL)
     place = np.array([number % GRID_COLUMNS, (number // GRID_COLUMNS) % GRID_ROWS])
-    middle = (np.array([GRID_COLUMNS, GRID_ROWS]) - 1) / 2
+    centre = (np.array([GRID_COLUMNS, GRID_ROWS]) - 1) / 2
     for _ in range(TRIES):
-        share = (place + 0.5 + rng.uniform(-JITTER, JITTER, 2)) / (GRID_COLUMNS, GRID_ROWS)
-        ray_C = _ray(camera, share * (camera.width, camera.height))
-        X_LM = (
+        fraction = (place + 0.5 + rng.uniform(-JITTER, JITTER, 2)) / (GRID_COLUMNS, GRID_ROWS)
+        ray_C = _ray(camera, fraction * (camera.width, camera.height))
+        X_LBoard = (
             X_LC
             @ _facing(ray_C, rng.uniform(*config.distance))
             @ tilted(number, config.tilt_deg, rng)
+            @ centred(board)
         )
-        X_LBoard = X_LM @ centred(board)
         if seen_by_both(rig, X_LBoard, board):
             return X_LBoard
-        place = place + INWARDS * (middle - place)
+        place = place + INWARDS * (centre - place)
     raise ConfigError(
         "the two cameras of this rig see no board in common at these distances", config
     )
@@ -127,5 +127,5 @@ def _facing(ray_C: Float[np.ndarray, "3"], distance: float) -> Float[np.ndarray,
     """A frame on the ray that looks along it [m]."""
     axis = np.cross((0.0, 0.0, 1.0), ray_C)
     sine = np.linalg.norm(axis)
-    turn = axis / max(sine, 1e-9) * np.arctan2(sine, ray_C[2])
-    return se3.from_rotation_vector(turn, distance * ray_C)
+    rotation = axis / max(sine, 1e-9) * np.arctan2(sine, ray_C[2])
+    return se3.from_rotation_vector(rotation, distance * ray_C)

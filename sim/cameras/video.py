@@ -28,7 +28,7 @@ FILM_SUPERSAMPLING = 1.5
 STILL_SUPERSAMPLING = 3.0
 FINE_SUPERSAMPLING = 1.5
 """Drawn over delivered pixels, each way [-]; the fine renderer smooths edges by itself."""
-INSET_SHARE = 1 / 3
+INSET_FRACTION = 1 / 3
 """Size of the close-up over that of the film [-]."""
 FONT = cv2.FONT_HERSHEY_DUPLEX
 INK = (245, 245, 245)
@@ -37,7 +37,7 @@ MARGIN_PX, STRIP_PX = 14, 36
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class Viewpoint:
     """A camera looking at a point."""
 
     target_B: tuple[float, float, float]
@@ -60,8 +60,12 @@ class View:
         return camera
 
 
-OVERVIEW = View(target_B=(0.34, 0.02, 0.27), distance=1.5, azimuth_deg=128.0, elevation_deg=-18.0)
-CLOSE_UP = View(target_B=(0.50, 0.0, 0.125), distance=0.37, azimuth_deg=118.0, elevation_deg=-32.0)
+OVERVIEW = Viewpoint(
+    target_B=(0.34, 0.02, 0.27), distance=1.5, azimuth_deg=128.0, elevation_deg=-18.0
+)
+CLOSE_UP = Viewpoint(
+    target_B=(0.50, 0.0, 0.125), distance=0.37, azimuth_deg=118.0, elevation_deg=-32.0
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +125,7 @@ def render_still(
     scene: Scene,
     tissue: Mechanics,
     q: Float[np.ndarray, "6"],
-    view: View = OVERVIEW,
+    view: Viewpoint = OVERVIEW,
     size_px: tuple[int, int] = (1280, 800),
     *,
     fine: bool = False,
@@ -156,7 +160,7 @@ def _frames(
     """RGB pictures of these rows, with close-up and caption."""
     assert went.true_force is not None, "the twin knows it"
     frame_px = (config.width, config.height)
-    inset_px = _scaled(frame_px, INSET_SHARE)
+    inset_px = _scaled(frame_px, INSET_FRACTION)
     with (
         closing(Picture(scene, *_scaled(frame_px, FILM_SUPERSAMPLING), fine=config.fine)) as wide,
         closing(
@@ -188,7 +192,7 @@ def _scaled(size_px: tuple[int, int], factor: float) -> tuple[int, int]:
 
 def _shoot(
     picture: Picture,
-    view: View,
+    view: Viewpoint,
     q: Float[np.ndarray, "6"],
     skin_S: Float[np.ndarray, "n 3"],
     size_px: tuple[int, int],
@@ -222,5 +226,5 @@ def _caption(
         (phase, 0.34),
         (f"x{config.speed_up:g}", 0.94),
     )
-    for text, share in texts:
-        cv2.putText(frame, text, (int(share * width), baseline), FONT, 0.55, INK, 1, cv2.LINE_AA)
+    for text, fraction in texts:
+        cv2.putText(frame, text, (int(fraction * width), baseline), FONT, 0.55, INK, 1, cv2.LINE_AA)

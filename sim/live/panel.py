@@ -13,7 +13,7 @@ from mujoco.studio.implot import implot
 from mujoco.studio.messages import BuildGuiEvent, PostModelEvent, UpdateEvent, handler
 from mujoco.studio.plugin import ViewerInitEvent, ViewerPlugin
 
-from sim.cameras.video import View
+from sim.cameras.video import Viewpoint
 from sim.live.messages import START, PaceSnapshot, PicturesSnapshot, PlanEvent, ScanSnapshot
 from sim.room.describe import COLLISION_GROUP
 
@@ -26,7 +26,9 @@ PLOTTED_TIME = 15.0
 SLOWEST, FASTEST = 0.1, 10.0
 MARGIN_MM, PLOT_ASPECT = 10.0, 2.6
 """Around the path in its plot, which is so much wider than high."""
-OUTLOOK = View(target_B=(0.55, 0.12, 0.22), distance=1.25, azimuth_deg=140.0, elevation_deg=-24.0)
+OUTLOOK = Viewpoint(
+    target_B=(0.55, 0.12, 0.22), distance=1.25, azimuth_deg=140.0, elevation_deg=-24.0
+)
 """Where the user looks from at first: the breast, left of the panel."""
 LOOP_RADIUS, ARROW_RADIUS = 0.0008, 0.004
 ARROW_LENGTH = 0.02

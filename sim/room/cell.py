@@ -47,7 +47,7 @@ def _shapes(data: mujoco.MjData, which: np.ndarray, X_AB: Float[np.ndarray, "4 4
     shapes = []
     for geom in np.flatnonzero(which):
         kind: Any = mujoco.mjtGeom(data.model.geom_type[geom]).name.removeprefix("mjGEOM_").lower()
-        X_BO = se3.pose(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
         size = tuple(data.model.geom_size[geom][: SIZES[kind]].tolist())
-        shapes.append(Shape(name=data.model.geom(geom).name, kind=kind, size=size, X=X_AB @ X_BO))
+        X = X_AB @ se3.pose(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+        shapes.append(Shape(name=data.model.geom(geom).name, kind=kind, size=size, X=X))
     return shapes

@@ -116,9 +116,9 @@ def _plane_normal(tangents: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "3"]:
     return normal / np.linalg.norm(normal)
 
 
-def moved(mesh: trimesh.Trimesh, X_AM: Float[np.ndarray, "4 4"]) -> trimesh.Trimesh:
-    """The mesh given in M, expressed in A."""
-    return mesh.copy().apply_transform(X_AM)
+def moved(mesh: trimesh.Trimesh, X_AB: Float[np.ndarray, "4 4"]) -> trimesh.Trimesh:
+    """The mesh given in B, expressed in A."""
+    return mesh.copy().apply_transform(X_AB)
 
 
 def along(mesh: trimesh.Trimesh, axis: Point, start: Point) -> trimesh.Trimesh:

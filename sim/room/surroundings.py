@@ -101,8 +101,8 @@ def add_stand(
     for side, X_BC in (("left", X_BL), ("right", X_BR)):
         add_visual(stand, f"{side}_housing", moved(_housing(), X_BC), "camera_body")
         add_visual(stand, f"{side}_glass", moved(_glass(), X_BC), "camera_glass")
-    middle = (X_BL[:3, 3] + X_BR[:3, 3]) / 2
-    _add_boom(stand, middle)
+    centre = (X_BL[:3, 3] + X_BR[:3, 3]) / 2
+    _add_boom(stand, centre)
 
 
 def _add_lights(root: Element) -> None:
@@ -232,7 +232,7 @@ def _add_torso(chest: Element, height: float) -> None:
             for g, z in zip(grow, drop, strict=True)
         ]
     )
-    flat = np.array([outline + way * outward for way in unrolled])
+    flat = np.array([outline + distance * outward for distance in unrolled])
     mesh = loft(rings)
     texcoord = 0.5 + np.vstack([flat.reshape(-1, 2), [[0, 0], [0, 0]]]) / PLATE_SIDE
     asset = chest.root.asset.add(
@@ -262,17 +262,17 @@ def _glass() -> trimesh.Trimesh:
     return along(barrel(0.013, 0.002, 0.0008), Z, (0.0, 0.0, -0.0035))
 
 
-def _add_boom(stand: Element, middle: Float[np.ndarray, "3"]) -> None:
+def _add_boom(stand: Element, centre: Float[np.ndarray, "3"]) -> None:
     """Crossbar over the cameras, boom back to the post, post down to the table."""
-    height = middle[2] + BOOM_CLEARANCE + 0.025
+    height = centre[2] + BOOM_CLEARANCE + 0.025
     rails = {
         "crossbar": (
-            (middle[0], middle[1] - 0.11, height - 0.005),
-            (middle[0], middle[1] + 0.11, height - 0.005),
+            (centre[0], centre[1] - 0.11, height - 0.005),
+            (centre[0], centre[1] + 0.11, height - 0.005),
             0.014,
         ),
-        "boom": ((middle[0] - 0.04, middle[1], height), (POST_X, middle[1], height), 0.018),
-        "post": ((POST_X, middle[1], 0.0), (POST_X, middle[1], height + 0.05), POST_RADIUS),
+        "boom": ((centre[0] - 0.04, centre[1], height), (POST_X, centre[1], height), 0.018),
+        "post": ((POST_X, centre[1], 0.0), (POST_X, centre[1], height + 0.05), POST_RADIUS),
     }
     for name, (start, end, radius) in rails.items():
         span = np.subtract(end, start)
@@ -288,8 +288,8 @@ def _add_boom(stand: Element, middle: Float[np.ndarray, "3"]) -> None:
             fromto=(*start, *end),
             size=(radius,),
         )
-    foot = along(barrel(0.06, 0.012, 0.002), Z, (POST_X, middle[1], 0.0))
-    clamp = along(barrel(0.034, 0.07, 0.004), Z, (POST_X, middle[1], height - 0.035))
+    foot = along(barrel(0.06, 0.012, 0.002), Z, (POST_X, centre[1], 0.0))
+    clamp = along(barrel(0.034, 0.07, 0.004), Z, (POST_X, centre[1], height - 0.035))
     add_visual(stand, "stand_joints", joined(foot, clamp), "table_edge")
     size = (0.03, 0.085, 0.055)
     add_collision(
@@ -298,5 +298,5 @@ def _add_boom(stand: Element, middle: Float[np.ndarray, "3"]) -> None:
         of_arm=False,
         type="box",
         size=size,
-        pos=(middle[0], middle[1], middle[2] + 0.045),
+        pos=(centre[0], centre[1], centre[2] + 0.045),
     )

@@ -29,9 +29,11 @@ class Solved(NamedTuple):
     """Cholesky factor of their flexibility."""
 
     @staticmethod
-    def nothing(vertices: int, most: int) -> "Solved":
-        """Before the first solution; of the vertices at `most` so many touch."""
-        return Solved(np.zeros(vertices, bool), np.full(most, -1), np.empty((most, most)))
+    def nothing(vertices: int, capacity: int) -> "Solved":
+        """Before the first solution; of the vertices at `capacity` so many touch."""
+        return Solved(
+            np.zeros(vertices, bool), np.full(capacity, -1), np.empty((capacity, capacity))
+        )
 
 
 @numba.njit(cache=True)

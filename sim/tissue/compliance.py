@@ -74,7 +74,7 @@ def compute_compliance(
         skin_points: About how many vertices to put on the skin.
         progress: Told the share done (0 to 1) and what is being done.
     """
-    tell = progress or (lambda _share, _what: None)
+    tell = progress or (lambda _fraction, _what: None)
     tell(0.0, "meshing the tissue")
     mesh = mesh_phantom(phantom, skin_points)
     skin = np.nonzero(mesh.skin & (mesh.direction[:, 2] > 0))[0]
@@ -123,7 +123,7 @@ def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.
     ratio = np.ones(points_S.shape[:-1])
     if layered:
         ratio = modulus_ratio(
-            phantom.config.layers, phantom.unembed(points_S), points_S, phantom.radius
+            phantom.config.layers, phantom.inverse_map(points_S), points_S, phantom.radius
         )
     first, second = lame_parameters(1.0, phantom.config.poisson)
 

@@ -20,7 +20,7 @@ from sim.tissue.phantom import Phantom
 
 FORMAT = 2
 """Raised with every change of the computation or of the file."""
-MOST_BYTES = 100_000_000
+MAX_BYTES = 100_000_000
 """What the kept files may take on disk; the oldest go first."""
 DECIMALS = 9
 """Places to which two shapes must agree, over their mean radius."""
@@ -66,10 +66,10 @@ def _load(path: Path) -> SkinCompliance | None:
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
         return None
     count = len(arrays["vertices_S"])
-    sound = (
+    valid = (
         arrays["response_S"].shape == (count, count, 3) and np.isfinite(arrays["response_S"]).all()
     )
-    return SkinCompliance(**arrays) if sound else None
+    return SkinCompliance(**arrays) if valid else None
 
 
 def _save(path: Path, compliance: SkinCompliance) -> None:
@@ -88,11 +88,11 @@ def _save(path: Path, compliance: SkinCompliance) -> None:
 
 
 def _make_room(folder: Path) -> None:
-    """Delete the oldest files until the rest takes no more than `MOST_BYTES`."""
+    """Delete the oldest files until the rest takes no more than `MAX_BYTES`."""
     taken = 0
     for path in sorted(
         folder.glob("tissue-*.npz"), key=lambda file: file.stat().st_mtime, reverse=True
     ):
         taken += path.stat().st_size
-        if taken > MOST_BYTES:
+        if taken > MAX_BYTES:
             path.unlink(missing_ok=True)

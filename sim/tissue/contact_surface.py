@@ -53,7 +53,7 @@ class ContactSurface:
 def contact_surface(phantom: Phantom, compliance: SkinCompliance) -> ContactSurface:
     """Refine the finite elements' flexibility to points about `SPACING` apart."""
     spacing = max(SPACING / phantom.radius, FINEST)
-    direction = half_shell(spacing, turn=0.5)
+    direction = half_shell(spacing, rotation=0.5)
     direction = direction[direction[:, 2] > 0]
     # neighbours lie together in memory: half the time of a press
     direction = direction[KDTree(direction).indices]

@@ -1,7 +1,7 @@
 """The map from the unit half-ball to the breast and back, compiled: one formula for points in bulk
 and one by one.
 
-`numbers` holds, in this order: the radii along x and y [m], the quadrants' surplus along x and y
+`parameters` holds, in this order: the radii along x and y [m], the quadrants' surplus along x and y
 [-], the lean linear in the height along x and y [-], the lean quadratic in it [1/m], the dome's
 height [m], the nipple's [m], the roundness [-], and of nipple and areola the rises [m] and the
 widths on the half-ball [-].
@@ -16,13 +16,13 @@ import numpy as np
 
 @numba.njit(cache=True)
 @no_type_check
-def embed_point(numbers, x, y, z):
+def embed_point(parameters, x, y, z):
     """A point of the unit half-ball z >= 0 mapped into the breast, in S [m]; points at distance
     1 become the skin.
     """
-    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = numbers
-    height = dome_height * z + _bump(numbers, x, y) * z * z
-    flank = _flank(numbers, height)
+    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = parameters
+    height = dome_height * z + _bump(parameters, x, y) * z * z
+    flank = _flank(parameters, height)
     return (
         rx * x * (1 + qx * x) * flank + lx * height + kx * height * height,
         ry * y * (1 + qy * y) * flank + ly * height + ky * height * height,
@@ -32,44 +32,48 @@ def embed_point(numbers, x, y, z):
 
 @numba.njit(cache=True)
 @no_type_check
-def unembed_point(numbers, x, y, z):
+def inverse_map_point(parameters, x, y, z):
     """Inverse of `embed_point`, extended smoothly around the breast."""
-    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = numbers
-    flank = _flank(numbers, z)
+    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = parameters
+    flank = _flank(parameters, z)
     bx = _root((x - lx * z - kx * z * z) / (rx * flank), 1.0, qx)
     by = _root((y - ly * z - ky * z * z) / (ry * flank), 1.0, qy)
-    return bx, by, _root(z, dome_height, _bump(numbers, bx, by))
+    return bx, by, _root(z, dome_height, _bump(parameters, bx, by))
 
 
 @numba.njit(cache=True)
 @no_type_check
-def embed(numbers, ball):
+def embed(parameters, ball):
     """`embed_point` of every row."""
     p_S = np.empty_like(ball)
     for i in range(len(ball)):
-        p_S[i, 0], p_S[i, 1], p_S[i, 2] = embed_point(numbers, ball[i, 0], ball[i, 1], ball[i, 2])
+        p_S[i, 0], p_S[i, 1], p_S[i, 2] = embed_point(
+            parameters, ball[i, 0], ball[i, 1], ball[i, 2]
+        )
     return p_S
 
 
 @numba.njit(cache=True)
 @no_type_check
-def unembed(numbers, p_S):
-    """`unembed_point` of every row."""
+def inverse_map(parameters, p_S):
+    """`inverse_map_point` of every row."""
     ball = np.empty_like(p_S)
     for i in range(len(p_S)):
-        ball[i, 0], ball[i, 1], ball[i, 2] = unembed_point(numbers, p_S[i, 0], p_S[i, 1], p_S[i, 2])
+        ball[i, 0], ball[i, 1], ball[i, 2] = inverse_map_point(
+            parameters, p_S[i, 0], p_S[i, 1], p_S[i, 2]
+        )
     return ball
 
 
 @numba.njit(cache=True)
 @no_type_check
-def _bump(numbers, x, y):
+def _bump(parameters, x, y):
     """Rise of nipple and areola [m] over a point of the half-ball's base disc."""
     squared = x * x + y * y
-    nipple = numbers[11]
-    areola = numbers[12]
-    nipple_width = numbers[13]
-    areola_width = numbers[14]
+    nipple = parameters[11]
+    areola = parameters[12]
+    nipple_width = parameters[13]
+    areola_width = parameters[14]
     return nipple * math.exp(-squared / nipple_width**2) + areola * math.exp(
         -squared / areola_width**2
     )
@@ -77,12 +81,12 @@ def _bump(numbers, x, y):
 
 @numba.njit(cache=True)
 @no_type_check
-def _flank(numbers, height):
+def _flank(parameters, height):
     """Radius of a level over the half-ellipsoid's [-]: (1 - t)(1 + k t) in place of (1 - t)(1 +
     t), rooted.
     """
-    t = max(height / numbers[9], -0.5)  # anything smooth will do below the chest plate
-    return math.sqrt((1 + numbers[10] * t) / (1 + t))
+    t = max(height / parameters[9], -0.5)  # anything smooth will do below the chest plate
+    return math.sqrt((1 + parameters[10] * t) / (1 + t))
 
 
 @numba.njit(cache=True)

@@ -41,7 +41,7 @@ PERIOD = 0.002
 """Step of the solid [s]."""
 STRIDE = 1e-4
 """Longest way of the probe in a step [m]; a press from farther off takes several."""
-MOST_STEPS = 25
+MAX_STEPS = 25
 JUMP = 0.01
 """A probe that has moved farther since the last press comes down along its axis instead, from so
 far off [m]."""
@@ -69,7 +69,7 @@ class FlexTissue:
         self._undeformed_S = mesh.nodes_S[self._skin]
         self._normals_S = phantom.normal(mesh.direction[self._skin])
         near, weights = interpolation_weights(
-            mesh.direction[self._skin], phantom.unembed(phantom.skin.vertices_S)
+            mesh.direction[self._skin], phantom.inverse_map(phantom.skin.vertices_S)
         )
         weights[phantom.skin.vertices_S[:, 2] == 0] = 0.0
         corners_S = mesh.nodes_S[skin_triangles(mesh)]
@@ -94,9 +94,9 @@ class FlexTissue:
         if np.linalg.norm(p_S - start_S) > JUMP:
             start_S = p_S - JUMP * X_SP[:3, 2]
         mujoco.mju_mat2Quat(self._data.mocap_quat[0], np.ascontiguousarray(X_SP[:3, :3]).ravel())
-        steps = int(np.clip(np.ceil(np.linalg.norm(p_S - start_S) / STRIDE), 1, MOST_STEPS))
-        for share in np.linspace(0, 1, steps + 1)[1:]:
-            self._data.mocap_pos[0] = start_S + share * (p_S - start_S)
+        steps = int(np.clip(np.ceil(np.linalg.norm(p_S - start_S) / STRIDE), 1, MAX_STEPS))
+        for fraction in np.linspace(0, 1, steps + 1)[1:]:
+            self._data.mocap_pos[0] = start_S + fraction * (p_S - start_S)
             mujoco.mj_step(self._model, self._data)
         if not np.abs(self._data.qvel).max() < np.inf:
             raise RobotError(

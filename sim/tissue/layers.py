@@ -29,7 +29,7 @@ TRANSITION = 0.003
 class LayerConfig:
     """Tissues inside the breast; the default is one homogeneous tissue without skin."""
 
-    gland_share: float = 0.0
+    gland_fraction: float = 0.0
     """Size of the glandular core over the breast's, both around the middle of the base [-]; 0 for
     none."""
     gland_ratio: float = GLAND_YOUNG / FAT_YOUNG
@@ -54,9 +54,10 @@ class LayerConfig:
         for name in ("skin_ratio", "mass_radius"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}", self)
-        if not 0 <= self.gland_share < 1:
+        if not 0 <= self.gland_fraction < 1:
             raise ConfigError(
-                f"gland_share must lie in [0, 1), got {self.gland_share}: fat surrounds the gland",
+                f"gland_fraction must lie in [0, 1), got {self.gland_fraction}: fat surrounds the "
+                "gland",
                 self,
             )
         if len(self.mass_p_S) != 3 or not np.isfinite(self.mass_p_S).all():
@@ -67,7 +68,7 @@ class LayerConfig:
     @property
     def present(self) -> bool:
         """Whether there is anything but one homogeneous tissue."""
-        return self.gland_share > 0 or self.mass_radius > 0 or self.skin_ratio > 0
+        return self.gland_fraction > 0 or self.mass_radius > 0 or self.skin_ratio > 0
 
 
 def modulus_ratio(
@@ -80,8 +81,8 @@ def modulus_ratio(
     of `radius` [m].
     """
     ratio = np.ones(ball.shape[:-1])
-    if config.gland_share > 0:
-        inside = _step((config.gland_share - np.linalg.norm(ball, axis=-1)) * radius)
+    if config.gland_fraction > 0:
+        inside = _step((config.gland_fraction - np.linalg.norm(ball, axis=-1)) * radius)
         ratio += inside * (config.gland_ratio - ratio)
     if config.mass_radius > 0:
         inside = _step(

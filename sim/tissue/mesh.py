@@ -66,19 +66,19 @@ def _half_shells(spacing: float) -> list[Float[np.ndarray, "_ 3"]]:
     shells = []
     radius = 1.0
     while radius > spacing:
-        shells.append(radius * half_shell(spacing / radius, turn=float(len(shells))))
+        shells.append(radius * half_shell(spacing / radius, rotation=float(len(shells))))
         radius -= LAYER * spacing
         spacing *= GROWTH
     return [*shells, np.zeros((1, 3))]
 
 
-def half_shell(spacing: float, turn: float) -> Float[np.ndarray, "n 3"]:
+def half_shell(spacing: float, rotation: float) -> Float[np.ndarray, "n 3"]:
     """A Fibonacci spiral on the unit hemisphere, and a ring of points on its border."""
     count = max(int(2 * np.pi / (np.sqrt(3) / 2 * spacing**2)), 4)
     z = 1 - (np.arange(count) + 0.5) / count
     z = z[z > 0.6 * spacing]
-    spiral = GOLDEN_ANGLE * np.arange(len(z)) + turn
-    ring = np.linspace(0, 2 * np.pi, max(int(2 * np.pi / spacing), 6), endpoint=False) + turn
+    spiral = GOLDEN_ANGLE * np.arange(len(z)) + rotation
+    ring = np.linspace(0, 2 * np.pi, max(int(2 * np.pi / spacing), 6), endpoint=False) + rotation
     z, azimuth = np.append(z, np.zeros(len(ring))), np.append(spiral, ring)
     sine = np.sqrt(1 - z**2)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), z], axis=1)
@@ -97,5 +97,5 @@ def _drop_slivers(
         ],
         axis=0,
     )
-    turned = np.where(volume[:, None] < 0, tetrahedra[:, [0, 2, 1, 3]], tetrahedra)
-    return turned[np.abs(volume) > FLAT * longest**3]
+    oriented = np.where(volume[:, None] < 0, tetrahedra[:, [0, 2, 1, 3]], tetrahedra)
+    return oriented[np.abs(volume) > FLAT * longest**3]

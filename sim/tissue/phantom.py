@@ -71,7 +71,7 @@ class Phantom:
         """Height of the nipple's tip above the chest plate [m]."""
         self.areola_radius = config.size * shape.areola_radius
         """Radius of the areola [m]."""
-        self.numbers = _draw(config, self.radius, self.height)
+        self.parameters = _draw(config, self.radius, self.height)
         """The map's coefficients, for `dome`."""
         mass_p_S = np.array(config.layers.mass_p_S)
         if config.layers.mass_radius > 0 and not (self.level(mass_p_S[None])[0] < 0 <= mass_p_S[2]):
@@ -86,19 +86,19 @@ class Phantom:
         """Points of the unit half-ball z >= 0 mapped into the phantom, in S [m]; |ball| = 1 is
         the skin.
         """
-        return dome.embed(self.numbers, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(
+        return dome.embed(self.parameters, np.ascontiguousarray(ball).reshape(-1, 3)).reshape(
             ball.shape
         )
 
-    def unembed(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    def inverse_map(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Inverse of `embed`, extended smoothly around the phantom."""
-        return dome.unembed(self.numbers, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(
+        return dome.inverse_map(self.parameters, np.ascontiguousarray(p_S).reshape(-1, 3)).reshape(
             p_S.shape
         )
 
     def level(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         """Implicit function of the skin: negative inside, zero on it, positive outside [-]."""
-        return np.linalg.norm(self.unembed(p_S), axis=-1) - 1
+        return np.linalg.norm(self.inverse_map(p_S), axis=-1) - 1
 
     def normal(self, direction: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Outward unit normal in S of the skin at `direction`, a point of the unit hemisphere."""
@@ -190,9 +190,9 @@ class Phantom:
         """
         low, high = 0.0, 1.0
         for _ in range(60):
-            middle = (low + high) / 2
-            point = np.array([np.sqrt(1 - middle**2), 0.0, middle])
-            low, high = (middle, high) if self.embed(point)[2] < height else (low, middle)
+            midpoint = (low + high) / 2
+            point = np.array([np.sqrt(1 - midpoint**2), 0.0, midpoint])
+            low, high = (midpoint, high) if self.embed(point)[2] < height else (low, midpoint)
         return low
 
 

@@ -45,7 +45,7 @@ class PrintedBreast:
 
     def __init__(self, phantom: Phantom, face: ProbeFace | None = None) -> None:
         self._phantom = phantom
-        self._face = (face or ProbeFace()).numbers()
+        self._face = (face or ProbeFace()).parameters()
         self._coarse = hemisphere(COARSE_RINGS)[0]
         self._direction = self._coarse[0]
         self._last_p_S = np.full(3, np.inf)
@@ -55,12 +55,14 @@ class PrintedBreast:
         """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom,
         against it.
         """
-        X_SP, numbers = np.ascontiguousarray(X_SP), self._phantom.numbers
+        X_SP, parameters = np.ascontiguousarray(X_SP), self._phantom.parameters
         p_S = X_SP[:3, 3]
         if not np.abs(p_S - self._last_p_S).max() < JUMP:
-            self._direction = _deepest_of(numbers, self._face, X_SP, self._coarse)
+            self._direction = _deepest_of(parameters, self._face, X_SP, self._coarse)
         self._last_p_S = p_S.copy()
-        self._direction, gap, outward_S = deepest_point(numbers, self._face, X_SP, self._direction)
+        self._direction, gap, outward_S = deepest_point(
+            parameters, self._face, X_SP, self._direction
+        )
         self._overlap = max(-gap, 0.0)
         self._force = STIFFNESS * self._overlap**1.5
         centre_S = self._phantom.embed(self._direction)
@@ -98,35 +100,35 @@ class PrintedBreast:
 
 @numba.njit(cache=True)
 @no_type_check
-def deepest_point(numbers, face, X_SP, direction):
+def deepest_point(parameters, face, X_SP, direction):
     """The point of the skin deepest in the face, or nearest to it: on the hemisphere, its gap [m],
     the face's normal.
 
     Newton's method from `direction`, a point of the unit hemisphere, on the distance of the skin
     from the face.
     """
-    gap = _gap(numbers, face, X_SP, direction)
+    gap = _gap(parameters, face, X_SP, direction)
     for _ in range(SEARCH_STEPS):
         x, y, z = direction
         a = -1 / (1 + z)
         u, v = np.array([1 + x * x * a, x * y * a, -x]), np.array([x * y * a, 1 + y * y * a, -y])
-        step = _newton_step(numbers, face, X_SP, direction, u, v, gap)
-        share = min(1.0, LONGEST_STEP / max(math.hypot(step[0], step[1]), 1e-300))
+        step = _newton_step(parameters, face, X_SP, direction, u, v, gap)
+        fraction = min(1.0, LONGEST_STEP / max(math.hypot(step[0], step[1]), 1e-300))
         while True:
-            moved = direction + share * (step[0] * u + step[1] * v)
+            moved = direction + fraction * (step[0] * u + step[1] * v)
             moved[2] = max(moved[2], 0.0)
             moved /= np.linalg.norm(moved)
-            gap_there = _gap(numbers, face, X_SP, moved)
-            if gap_there <= gap or share < 1e-3:
+            gap_there = _gap(parameters, face, X_SP, moved)
+            if gap_there <= gap or fraction < 1e-3:
                 break
-            share /= 2
+            fraction /= 2
         if gap_there > gap:
             break
         done = np.abs(moved - direction).max() < CLOSE
         direction, gap = moved, gap_there
         if done:
             break
-    p = _on_face(numbers, X_SP, direction)
+    p = _on_face(parameters, X_SP, direction)
     _, gx, gy, gz = distance(face, p[0], p[1], p[2])
     outward = X_SP[:3, 0] * gx + X_SP[:3, 1] * gy + X_SP[:3, 2] * gz
     return direction, gap, outward
@@ -134,19 +136,19 @@ def deepest_point(numbers, face, X_SP, direction):
 
 @numba.njit(cache=True)
 @no_type_check
-def _newton_step(numbers, face, X_SP, direction, u, v, gap):
+def _newton_step(parameters, face, X_SP, direction, u, v, gap):
     """Step along the tangents u and v to where the gap is least, downhill at any rate."""
     right, left = (
-        _gap(numbers, face, X_SP, direction + STEP * u),
-        _gap(numbers, face, X_SP, direction - STEP * u),
+        _gap(parameters, face, X_SP, direction + STEP * u),
+        _gap(parameters, face, X_SP, direction - STEP * u),
     )
     up, down = (
-        _gap(numbers, face, X_SP, direction + STEP * v),
-        _gap(numbers, face, X_SP, direction - STEP * v),
+        _gap(parameters, face, X_SP, direction + STEP * v),
+        _gap(parameters, face, X_SP, direction - STEP * v),
     )
     both, neither = (
-        _gap(numbers, face, X_SP, direction + STEP * (u + v)),
-        _gap(numbers, face, X_SP, direction - STEP * (u + v)),
+        _gap(parameters, face, X_SP, direction + STEP * (u + v)),
+        _gap(parameters, face, X_SP, direction - STEP * (u + v)),
     )
     du, dv = (right - left) / (2 * STEP), (up - down) / (2 * STEP)
     uu, vv = (right - 2 * gap + left) / STEP**2, (up - 2 * gap + down) / STEP**2
@@ -160,30 +162,30 @@ def _newton_step(numbers, face, X_SP, direction, u, v, gap):
 
 @numba.njit(cache=True)
 @no_type_check
-def _gap(numbers, face, X_SP, direction):
+def _gap(parameters, face, X_SP, direction):
     """Distance of a point of the skin from the face [m], negative inside."""
-    p = _on_face(numbers, X_SP, direction)
+    p = _on_face(parameters, X_SP, direction)
     return distance(face, p[0], p[1], p[2])[0]
 
 
 @numba.njit(cache=True)
 @no_type_check
-def _on_face(numbers, X_SP, direction):
+def _on_face(parameters, X_SP, direction):
     """A point of the skin in P [m]."""
     length = math.sqrt(direction[0] ** 2 + direction[1] ** 2 + direction[2] ** 2)
     x, y, z = dome.embed_point(
-        numbers, direction[0] / length, direction[1] / length, direction[2] / length
+        parameters, direction[0] / length, direction[1] / length, direction[2] / length
     )
     return components_P(X_SP, x - X_SP[0, 3], y - X_SP[1, 3], z - X_SP[2, 3])
 
 
 @numba.njit(cache=True)
 @no_type_check
-def _deepest_of(numbers, face, X_SP, directions):
+def _deepest_of(parameters, face, X_SP, directions):
     """The one of these points of the hemisphere that is deepest in the face."""
-    best, least = 0, np.inf
+    best, smallest = 0, np.inf
     for i in range(len(directions)):
-        gap = _gap(numbers, face, X_SP, directions[i])
-        if gap < least:
-            best, least = i, gap
+        gap = _gap(parameters, face, X_SP, directions[i])
+        if gap < smallest:
+            best, smallest = i, gap
     return directions[best].copy()

@@ -27,7 +27,7 @@ from sim.wrist.probe_face import ProbeFace
 SKIN_POINTS = 400
 """Vertices of the finite elements on the skin: 9 mm apart. Twice as many change the force by 1.2 %
 at the most."""
-MOST_TOUCHING = 512
+MAX_TOUCHING = 512
 """Contact points that the probe may touch: several times what it can cover."""
 LINEAR_LIMIT = 0.008
 """Indentation to which linear elasticity was validated [m]."""
@@ -47,7 +47,7 @@ class SoftTissue:
         self._phantom = phantom
         self._compliance = compliance
         self._surface = contact_surface(phantom, compliance)
-        self._face = (face or ProbeFace()).numbers()
+        self._face = (face or ProbeFace()).parameters()
         self._element_response_S = np.ascontiguousarray(compliance.response_S.transpose(1, 0, 2))
         self._load = np.zeros(len(self._surface.vertices_S))
         """Inward force on each contact point over Young's modulus [m^2]."""
@@ -153,11 +153,11 @@ class SoftTissue:
         azimuth = np.linspace(0, 2 * np.pi, 140, endpoint=False)
         clamped = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
         sources = np.concatenate([self._surface.direction, clamped])
-        near, weights = interpolation_weights(sources, self._phantom.unembed(skin_S))
+        near, weights = interpolation_weights(sources, self._phantom.inverse_map(skin_S))
         weights[(near >= points) | (skin_S[:, 2:] == 0)] = 0.0
         return interpolation_matrix(near, weights, len(sources))[:, :points]
 
 
 def _unsolved(points: int) -> list[Solved]:
     """What `press_skin` keeps, before the first press."""
-    return [Solved.nothing(points, MOST_TOUCHING) for _ in range(2)]
+    return [Solved.nothing(points, MAX_TOUCHING) for _ in range(2)]

@@ -89,9 +89,9 @@ def _add_inertia(tool: Element, mount_angle: float) -> None:
     """Mount and probe as one body: a rod along the probe about their common centre."""
     load = payload(mount_angle)
     across, around = load.mass * REACH**2 / 12, load.mass * 0.02**2 / 2
-    X_FC = tip_pose(mount_angle).copy()
-    X_FC[:3, 3] = load.centre_F
-    tool.add("inertial", mass=load.mass, diaginertia=(across, across, around), **placed(X_FC))
+    X_FM = tip_pose(mount_angle).copy()
+    X_FM[:3, 3] = load.centre_F
+    tool.add("inertial", mass=load.mass, diaginertia=(across, across, around), **placed(X_FM))
 
 
 def _add_sensor_housing(flange: Element) -> None:
@@ -152,9 +152,13 @@ def _add_probe(tool: Element, X_FP: Float[np.ndarray, "4 4"], face: ProbeFace) -
         "accent",
     )
     add_visual(tool, "probe_cable", moved(_cable(), X_FP), "cable")
-    X_FH = X_FP @ se3.pose(np.eye(3), np.array([0, 0, -0.065]))
     add_collision(
-        tool, "probe_hull", of_arm=True, type="box", size=(0.028, 0.013, 0.055), **placed(X_FH)
+        tool,
+        "probe_hull",
+        of_arm=True,
+        type="box",
+        size=(0.028, 0.013, 0.055),
+        **placed(X_FP @ se3.pose(np.eye(3), np.array([0, 0, -0.065]))),
     )
 
 
@@ -189,10 +193,10 @@ def lens(face: ProbeFace) -> trimesh.Trimesh:
 
 def _cable() -> trimesh.Trimesh:
     """A stub of the cable: out of the clamp's side, then back along the probe."""
-    turn = np.linspace(0, np.pi / 2, 14)
+    bend_angle = np.linspace(0, np.pi / 2, 14)
     bend_radius = 0.030
-    y = 0.012 + bend_radius * np.sin(turn)
-    z = CLAMP - 0.012 - bend_radius * (1 - np.cos(turn))
-    bend = np.column_stack([np.zeros_like(turn), y, z])
+    y = 0.012 + bend_radius * np.sin(bend_angle)
+    z = CLAMP - 0.012 - bend_radius * (1 - np.cos(bend_angle))
+    bend = np.column_stack([np.zeros_like(bend_angle), y, z])
     straight = bend[-1] + np.outer(np.linspace(0.004, 0.03, 6), [0, 0, -1])
     return hose(np.vstack([bend, straight]), 0.0042)

@@ -41,7 +41,7 @@ class ProbeFace:
                 f"arc must lie between twice edge_radius and half a turn, got {self.arc} m", self
             )
 
-    def numbers(self) -> Float[np.ndarray, "5"]:
+    def parameters(self) -> Float[np.ndarray, "5"]:
         """What `distance` takes: inner sector's radius, sine and cosine of its half angle, half
         width; edge radius.
         """
@@ -70,7 +70,7 @@ def distance(face, x, y, z):
     """Signed distance [m] of a point in P to the face's solid, and its gradient.
 
     Args:
-        face: `ProbeFace.numbers()`.
+        face: `ProbeFace.parameters()`.
         x: Coordinate along the array [m].
         y: Coordinate in elevation [m].
         z: Coordinate out of the face [m].

@@ -87,11 +87,13 @@ def test_uniform_sampling_spaces_points_evenly_and_reaches_the_corners():
 def test_geometric_sampling_is_denser_where_the_surface_bends():
     points = plate_with_ridge()
     kept = points[geometric_sample(points, surface_variation(points, radius=4e-3), 2000)]
-    share_kept_on_ridge = np.mean(np.abs(kept[:, 0]) < 8e-3) / np.mean(np.abs(points[:, 0]) < 8e-3)
-    share_kept_on_plate = np.mean(np.abs(kept[:, 0]) > 20e-3) / np.mean(
+    fraction_kept_on_ridge = np.mean(np.abs(kept[:, 0]) < 8e-3) / np.mean(
+        np.abs(points[:, 0]) < 8e-3
+    )
+    fraction_kept_on_plate = np.mean(np.abs(kept[:, 0]) > 20e-3) / np.mean(
         np.abs(points[:, 0]) > 20e-3
     )
-    assert share_kept_on_ridge > 2 * share_kept_on_plate > 0
+    assert fraction_kept_on_ridge > 2 * fraction_kept_on_plate > 0
 
 
 @settings(max_examples=25, deadline=None)

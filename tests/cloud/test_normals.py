@@ -72,10 +72,10 @@ def test_query_far_from_every_point_has_no_normal():
 
 def test_variation_is_zero_on_a_plane_and_grows_with_curvature():
     x, y = np.meshgrid(np.linspace(-0.02, 0.02, 41), np.linspace(-0.02, 0.02, 41))
-    middle = 41 * 20 + 20
+    centre = 41 * 20 + 20
     bends = [
         surface_variation(np.stack([x, y, 0.5 + 0.5 * curvature * x**2], axis=-1).reshape(-1, 3))[
-            middle
+            centre
         ]
         for curvature in (0.0, 10.0, 20.0)
     ]

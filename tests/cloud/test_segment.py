@@ -59,10 +59,10 @@ def test_cameras_may_look_from_the_side():
     """Plate and normal turn with the cameras; the mask does not care."""
     points = noisy_points(SCENE)
     R = Rotation.from_euler("xyz", [20.0, -10.0, 35.0], degrees=True).as_matrix()
-    turned = segment_breast(points @ R.T)
+    rotated = segment_breast(points @ R.T)
     straight = segment_breast(points)
-    assert (turned.mask ^ straight.mask).sum() < 0.01 * straight.mask.sum()
-    np.testing.assert_allclose(turned.plate.normal, R @ straight.plate.normal, atol=2e-3)
+    assert (rotated.mask ^ straight.mask).sum() < 0.01 * straight.mask.sum()
+    np.testing.assert_allclose(rotated.plate.normal, R @ straight.plate.normal, atol=2e-3)
 
 
 def test_an_arm_beside_the_breast_is_left_out():

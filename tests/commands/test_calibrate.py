@@ -17,7 +17,7 @@ from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
 from tests.vision.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
 
-X_FBOARD = se3.pose(np.eye(3), np.array([-0.27, -0.05, 0.12]))
+X_FBoard = se3.pose(np.eye(3), np.array([-0.27, -0.05, 0.12]))
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +50,8 @@ def board_folder(rig, tmp_path_factory):
 @pytest.fixture(scope="module")
 def flange_folder(rig, tmp_path_factory):
     folder = tmp_path_factory.mktemp("poses")
-    X_BF = flange_poses(rig, X_FBOARD, 14, np.random.default_rng(0))
-    write_pictures(folder, rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBOARD)
+    X_BF = flange_poses(rig, X_FBoard, 14, np.random.default_rng(0))
+    write_pictures(folder, rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBoard)
     shots.write_poses(folder, {f"{number:02d}": X for number, X in enumerate(X_BF)})
     return folder
 
@@ -88,7 +88,7 @@ def test_a_folder_with_poses_becomes_the_cameras_place(rig, rig_file, flange_fol
 
 
 def test_poses_survive_their_file(tmp_path):
-    X_BF = flange_poses(make_rig(), X_FBOARD, 3, np.random.default_rng(1))
+    X_BF = flange_poses(make_rig(), X_FBoard, 3, np.random.default_rng(1))
     shots.write_poses(tmp_path, dict(zip("abc", X_BF, strict=True)))
     np.testing.assert_allclose(np.stack(list(shots.read_poses(tmp_path).values())), X_BF, atol=1e-9)
 

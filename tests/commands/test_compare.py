@@ -15,7 +15,7 @@ from tests.run.synthetic_run import trajectory_table
 LATER = 0.4
 DEEPER = 0.002
 HARDER = 0.25
-TURN = 0.01
+ROTATION = 0.01
 """What the second run does otherwise [s, m, N, rad]."""
 
 
@@ -43,11 +43,17 @@ def changed(table):
     X_BP[:, :3, 3] += DEEPER * np.nan_to_num(
         table["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 2]
     )
-    R = np.array([[np.cos(TURN), -np.sin(TURN), 0], [np.sin(TURN), np.cos(TURN), 0], [0, 0, 1]])
+    R = np.array(
+        [
+            [np.cos(ROTATION), -np.sin(ROTATION), 0],
+            [np.sin(ROTATION), np.cos(ROTATION), 0],
+            [0, 0, 1],
+        ]
+    )
     X_BP[:, :3, :3] = X_BP[:, :3, :3] @ R
     wrench, q = table["wrench"].to_numpy().copy(), table["q"].to_numpy().copy()
     wrench[:, 2] -= HARDER
-    q[:, 3] += TURN
+    q[:, 3] += ROTATION
     t = table["t"].to_numpy().copy()
     t[np.nan_to_num(table["s"].to_numpy()) > 0.2] += LATER
     return table.with_columns(
@@ -69,9 +75,9 @@ def test_a_run_does_not_differ_from_itself(run, tmp_path):
 def test_each_difference_is_found_with_its_sign_and_unit(run, table, tmp_path):
     compare(run("a"), run("b", changed(table)), tmp_path / "out")
     found = json.loads((tmp_path / "out/compare.json").read_text())["differences"]
-    assert found["joint_3_deg"]["mean"] == pytest.approx(np.rad2deg(TURN))
+    assert found["joint_3_deg"]["mean"] == pytest.approx(np.rad2deg(ROTATION))
     assert found["joint_2_deg"]["rms"] == pytest.approx(0.0, abs=1e-9)
-    assert found["probe_turn_deg"]["rms"] == pytest.approx(np.rad2deg(TURN), rel=1e-3)
+    assert found["probe_turn_deg"]["rms"] == pytest.approx(np.rad2deg(ROTATION), rel=1e-3)
     assert found["tip_normal_mm"]["mean"] == pytest.approx(-1e3 * DEEPER, rel=1e-3)
     assert found["tip_across_mm"]["rms"] == pytest.approx(0.0, abs=1e-3)
     assert found["force_n"]["mean"] == pytest.approx(HARDER)
@@ -95,10 +101,10 @@ def test_a_pause_shows_in_the_timing_alone(run, table, tmp_path):
     """While it waits a scan stays at its path length, and the rows of the pause are no places of
     their own.
     """
-    middle = int(np.flatnonzero(np.nan_to_num(table["s"].to_numpy()) > 0.1)[0])
-    wait = pl.concat([table[middle : middle + 1]] * 500)
-    rest = table[middle:].with_columns(t=table["t"][middle:] + 1.0)
-    paused = pl.concat([table[:middle], wait, rest])
+    centre = int(np.flatnonzero(np.nan_to_num(table["s"].to_numpy()) > 0.1)[0])
+    wait = pl.concat([table[centre : centre + 1]] * 500)
+    rest = table[centre:].with_columns(t=table["t"][centre:] + 1.0)
+    paused = pl.concat([table[:centre], wait, rest])
     compare(run("a"), run("b", paused), tmp_path / "out")
     found = json.loads((tmp_path / "out/compare.json").read_text())["differences"]
     assert found["tip_x_mm"]["rms"] == pytest.approx(0.0, abs=1e-2)

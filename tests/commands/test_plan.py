@@ -21,9 +21,9 @@ HEIGHT = 0.055
 def dome() -> tuple[np.ndarray, np.ndarray]:
     """Points and normals of half an ellipsoid on a plate at 80 mm."""
     k = np.arange(4000) + 0.5
-    z, turn = k / len(k), np.pi * (1 + np.sqrt(5)) * k
+    z, azimuth = k / len(k), np.pi * (1 + np.sqrt(5)) * k
     unit = np.stack(
-        [np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], axis=1
+        [np.sqrt(1 - z * z) * np.cos(azimuth), np.sqrt(1 - z * z) * np.sin(azimuth), z], axis=1
     )
     axes = np.array([RADIUS, RADIUS, HEIGHT])
     normals = unit / axes

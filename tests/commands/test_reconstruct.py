@@ -116,12 +116,12 @@ def test_any_depth_and_colour_reads_as_the_same_grey(tmp_path, suffix, depth, ch
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tiff", ".jpg"])
-@pytest.mark.parametrize("share", [0.0, 0.4, 0.98])
-def test_cut_off_file_is_refused_by_name(tmp_path, suffix, share):
+@pytest.mark.parametrize("fraction", [0.0, 0.4, 0.98])
+def test_cut_off_file_is_refused_by_name(tmp_path, suffix, fraction):
     path = tmp_path / f"image{suffix}"
     cv2.imwrite(str(path), SCENE.pair().left)
     content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
+    path.write_bytes(content[: int(fraction * len(content))])
     with pytest.raises(
         PerceptionError, match=f"image{suffix} is not an image, or is damaged.*copy it again"
     ):

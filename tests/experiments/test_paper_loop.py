@@ -20,7 +20,7 @@ def test_the_dome_of_an_exact_ellipse_has_the_ellipsoids_normals(monkeypatch):
     half its height.
     """
     a, b = 0.07, 0.08
-    h = paper_loop.HEIGHT_SHARE * np.sqrt(a * b)
+    h = paper_loop.HEIGHT_FRACTION * np.sqrt(a * b)
     angle = np.linspace(0.0, 2 * np.pi, 15, endpoint=False)
     x, y = np.sqrt(0.75) * a * np.cos(angle), np.sqrt(0.75) * b * np.sin(angle)
     monkeypatch.setattr(paper_loop, "POINTS_B", np.stack([x, y, np.full(15, 0.01)], axis=1))
@@ -52,7 +52,7 @@ def test_the_mujoco_arm_walks_the_papers_loop_as_planned(walk):
     assert values["tracking_peak_deg"] < 0.1
     assert np.max(values["speed_peak_rad_s"]) < 0.1
     assert values["resampled_1ms_jerk_pct"] < 5.0
-    assert all(use["share"] < 1.0 for use in values["limits"].values())
+    assert all(use["fraction"] < 1.0 for use in values["limits"].values())
 
 
 def test_every_method_keeps_the_chord_error_and_newton_the_fluctuation(walk):

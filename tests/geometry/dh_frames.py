@@ -19,9 +19,9 @@ def dh_frames(q: np.ndarray) -> np.ndarray:
     """Poses of DH frames 0 (B) to 6 (F) in B at joint angles `q` [rad]."""
     frames = [np.eye(4)]
     for angle, (d, a, alpha_deg) in zip(q, UR5E_ROWS, strict=True):
-        turn = se3.from_rotation_vector(np.array([0.0, 0.0, angle]), np.array([0.0, 0.0, d]))
+        rotation = se3.from_rotation_vector(np.array([0.0, 0.0, angle]), np.array([0.0, 0.0, d]))
         twist = se3.from_rotation_vector(
             np.array([np.radians(alpha_deg), 0.0, 0.0]), np.array([a, 0.0, 0.0])
         )
-        frames.append(frames[-1] @ turn @ twist)
+        frames.append(frames[-1] @ rotation @ twist)
     return np.array(frames)

@@ -43,9 +43,9 @@ def test_forward_is_the_product_of_the_corrected_dh_matrices(arm):
     values, q = corrections(), random_joint_angles(1)[0]
     X = np.eye(4)
     for j in range(6):
-        turn = Rotation.from_euler("z", q[j] + values["theta"][j]).as_matrix()
+        rotation = Rotation.from_euler("z", q[j] + values["theta"][j]).as_matrix()
         twist = Rotation.from_euler("x", kinematics.DH_ALPHA[j] + values["alpha"][j]).as_matrix()
-        X = X @ se3.pose(turn, np.array([0.0, 0.0, kinematics.DH_D[j] + values["d"][j]]))
+        X = X @ se3.pose(rotation, np.array([0.0, 0.0, kinematics.DH_D[j] + values["d"][j]]))
         X = X @ se3.pose(twist, np.array([kinematics.DH_A[j] + values["a"][j], 0.0, 0.0]))
     np.testing.assert_allclose(arm.forward(q), X, atol=1e-12)
 
@@ -65,8 +65,8 @@ def test_every_branch_reaches_the_pose_within_a_nanometre_and_a_nanoradian(arm):
     X_reached = arm.forward(branches[exists])
     X_goal = np.repeat(X_BF[:, None], 8, axis=1)[exists]
     np.testing.assert_allclose(X_reached[:, :3, 3], X_goal[:, :3, 3], atol=1e-9)
-    turns = se3.rotation_vector(se3.inverse(X_reached) @ X_goal)
-    assert np.linalg.norm(turns, axis=1).max() < 1e-9
+    rotation_vectors = se3.rotation_vector(se3.inverse(X_reached) @ X_goal)
+    assert np.linalg.norm(rotation_vectors, axis=1).max() < 1e-9
 
 
 def test_no_branch_is_lost_away_from_singularities(arm):

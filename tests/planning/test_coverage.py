@@ -69,8 +69,8 @@ def test_radial_strokes_pass_over_the_top(dome):
 
 def test_raster_strokes_run_to_and_fro_inside_the_outermost_angle(dome):
     paths = coverage.raster(dome, LOWEST, strokes=6, points=12)
-    ways = np.array([path.points_B[-1] - path.points_B[0] for path in paths])
-    assert np.all(np.sum(ways[1:] * ways[:-1], axis=1) < 0)
+    chords = np.array([path.points_B[-1] - path.points_B[0] for path in paths])
+    assert np.all(np.sum(chords[1:] * chords[:-1], axis=1) < 0)
     for path in paths:
         assert_on_skin(path)
         assert polar_angles(path).max() < LOWEST + np.radians(0.3)

@@ -4,7 +4,7 @@ import pytest
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning import motion, route
+from breastscan.planning import motion, redundancy
 from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.motion import Motion
@@ -14,10 +14,10 @@ PERIOD = 0.002
 
 
 def probe_mount(angle_deg: float = 45.0) -> np.ndarray:
-    X_turn = se3.from_rotation_vector(
+    X_rotated = se3.from_rotation_vector(
         np.array([0.0, np.radians(angle_deg), 0.0]), np.array([0.0, 0.0, 0.06])
     )
-    return X_turn @ se3.pose(np.eye(3), np.array([0.0, 0.0, 0.14]))
+    return X_rotated @ se3.pose(np.eye(3), np.array([0.0, 0.0, 0.14]))
 
 
 def loop(x: float = 0.5) -> Path:
@@ -32,7 +32,7 @@ def loop(x: float = 0.5) -> Path:
 
 
 def plan(path: Path, mount_deg: float = 45.0, **joints: float) -> tuple[Motion, Feed]:
-    return motion.plan(
+    return motion.plan_motion(
         path, probe_mount(mount_deg), PERIOD, FeedrateLimits(), JointPathConfig(**joints)
     )
 
@@ -74,10 +74,12 @@ def test_joints_stay_inside_every_limit_without_a_flip(planned):
 
 def test_joint_speeds_carry_the_probe_at_the_feedrate(ring, planned):
     p_F = probe_mount()[:3, 3]
-    velocity_B, turn_B = np.einsum(
+    velocity_B, angular_velocity_B = np.einsum(
         "nkij,nj->kni", kinematics.jacobian(planned.q).reshape(-1, 2, 3, 6), planned.qd
     )
-    velocity = velocity_B + np.cross(turn_B, kinematics.forward(planned.q)[:, :3, :3] @ p_F)
+    velocity = velocity_B + np.cross(
+        angular_velocity_B, kinematics.forward(planned.q)[:, :3, :3] @ p_F
+    )
     np.testing.assert_allclose(velocity, np.gradient(ring[0], PERIOD, axis=0), atol=1e-6)
 
 
@@ -108,17 +110,17 @@ def test_approach_and_retreat_are_clear_of_the_skin_along_the_normal(ring, plann
         assert np.abs(q - q_skin).max() < np.radians(40.0)
 
 
-def test_fixed_spin_keeps_the_array_across_the_path():
-    fixed, feed = plan(loop(), spin_tolerance=0.0)
+def test_fixed_roll_keeps_the_array_across_the_path():
+    fixed, feed = plan(loop(), roll_tolerance=0.0)
     X_BP = kinematics.forward(fixed.q) @ probe_mount()
     travel = np.gradient(feed.positions, axis=0)
     travel /= np.linalg.norm(travel, axis=1, keepdims=True)
     assert np.degrees(np.abs(np.arcsin(np.sum(X_BP[:, :3, 0] * travel, axis=1)))).max() < 0.01
 
 
-def test_free_spin_moves_the_joints_less_than_a_fixed_one_where_the_probe_is_straight():
-    def effort(spin_tolerance: float) -> float:
-        moved, _ = plan(loop(), mount_deg=0.0, spin_tolerance=spin_tolerance)
+def test_free_roll_moves_the_joints_less_than_a_fixed_one_where_the_probe_is_straight():
+    def effort(roll_tolerance: float) -> float:
+        moved, _ = plan(loop(), mount_deg=0.0, roll_tolerance=roll_tolerance)
         assert moved.slowed == 1.0
         return float(np.sum(moved.qd**2))
 
@@ -147,7 +149,7 @@ def test_a_path_that_stands_still_is_refused(ring):
     positions_B, normals_B = ring[0].copy(), ring[1]
     positions_B[100:104] = positions_B[100]
     with pytest.raises(PlanningError, match="stands still"):
-        route.choose(positions_B, normals_B, probe_mount(), PERIOD, JointPathConfig())
+        redundancy.resolve(positions_B, normals_B, probe_mount(), PERIOD, JointPathConfig())
 
 
 @pytest.mark.parametrize(
@@ -160,7 +162,7 @@ def test_a_path_that_stands_still_is_refused(ring):
         ("collision_margin", -0.01),
         ("position_margin", 4.0),
         ("singularity_margin", 1.0),
-        ("spin_tolerance", -0.1),
+        ("roll_tolerance", -0.1),
         ("floor", np.inf),
     ],
 )

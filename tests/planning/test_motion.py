@@ -30,9 +30,9 @@ def loop() -> Path:
 def plan(
     limits: FeedrateLimits | None = None, period: float = PERIOD, **joints: float
 ) -> motion.Motion:
-    return motion.plan(loop(), X_FP, period, limits or FeedrateLimits(), JointPathConfig(**joints))[
-        0
-    ]
+    return motion.plan_motion(
+        loop(), X_FP, period, limits or FeedrateLimits(), JointPathConfig(**joints)
+    )[0]
 
 
 def largest(planned: motion.Motion, order: int, period: float = PERIOD) -> float:
@@ -64,7 +64,7 @@ def test_a_limit_that_would_be_broken_slows_the_motion_down_until_it_just_holds(
 
 
 def test_slowing_down_leaves_path_and_fluctuation_alone(planned):
-    slowed, feed = motion.plan(
+    slowed, feed = motion.plan_motion(
         loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(speed_limit=0.2)
     )
     tip_B = (kinematics.forward(slowed.q) @ X_FP)[:, :3, 3]
@@ -90,14 +90,14 @@ def test_the_use_of_each_limit_names_joint_value_and_place(planned):
     by_hand = np.abs(np.diff(planned.q, axis=0)) / PERIOD
     sample, joint = np.unravel_index(by_hand.argmax(), by_hand.shape)
     assert (speed.sample, speed.joint) == (sample, joint + 1)
-    assert speed.share == pytest.approx(by_hand.max() / np.pi)
+    assert speed.fraction == pytest.approx(by_hand.max() / np.pi)
 
 
 def test_acceleration_and_jerk_do_not_depend_on_the_sampling(planned):
     """Physics: a motion whose jerk is bounded looks the same at 1 and at 2 ms; a hidden kink
     would double.
     """
-    for config in ({}, {"spin_tolerance": 0.0}):
+    for config in ({}, {"roll_tolerance": 0.0}):
         coarse, fine = plan(**config), plan(period=PERIOD / 2, **config)
         for order in (1, 2, 3):
             assert largest(fine, order, PERIOD / 2) == pytest.approx(
@@ -113,7 +113,7 @@ def test_a_calibrated_arm_puts_the_tip_on_the_path():
         a=rng.normal(0, 5e-4, 6),
         alpha=rng.normal(0, 1e-3, 6),
     )
-    planned, feed = motion.plan(
+    planned, feed = motion.plan_motion(
         loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), calibration=arm
     )
     tip_B = (arm.forward(planned.q) @ X_FP)[:, :3, 3]
@@ -131,16 +131,16 @@ def test_the_arm_goes_another_way_round_a_collision(planned):
     def clearances(q: np.ndarray) -> np.ndarray:
         return np.abs(np.angle(np.exp(1j * (q[:, 5] - forbidden)))) * 0.05
 
-    around, _ = motion.plan(
+    around, _ = motion.plan_motion(
         loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=clearances
     )
     assert clearances(planned.q).min() < 1e-3
     assert clearances(around.q).min() > 0.008
 
 
-def test_a_collision_that_no_spin_avoids_is_named():
+def test_a_collision_that_no_roll_avoids_is_named():
     with pytest.raises(PlanningError, match="within 10 mm of itself or its surroundings"):
-        motion.plan(
+        motion.plan_motion(
             loop(),
             X_FP,
             PERIOD,

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from breastscan.errors import PlanningError
-from breastscan.planning.patch import Surface
+from breastscan.planning.patch import MlsSurface
 
 COEFFICIENTS = np.array([1e-3, 0.1, -0.2, 4.0, 2.0, -5.0])
 R_BQ = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
@@ -15,13 +15,13 @@ def quadratic_height(xy: np.ndarray) -> np.ndarray:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1) @ COEFFICIENTS
 
 
-def quadratic_surface(count: int = 400, noise: float = 0.0) -> Surface:
+def quadratic_surface(count: int = 400, noise: float = 0.0) -> MlsSurface:
     """A quadratic in a turned and shifted frame Q, seen in B."""
     rng = np.random.default_rng(0)
     xy = rng.uniform(-0.03, 0.03, (count, 2))
     points_Q = np.column_stack([xy, quadratic_height(xy) + rng.normal(0.0, noise, count)])
     normals_B = np.tile(R_BQ[:, 2], (count, 1))
-    return Surface(points_B=points_Q @ R_BQ.T + P_BQ, normals_B=normals_B, radius=0.015)
+    return MlsSurface(points_B=points_Q @ R_BQ.T + P_BQ, normals_B=normals_B, radius=0.015)
 
 
 def test_patch_reproduces_a_quadratic_surface_and_its_normal():
@@ -68,4 +68,4 @@ def test_points_that_are_not_finite_are_refused():
     surface = quadratic_surface()
     surface.points_B[3, 1] = np.nan
     with pytest.raises(PlanningError, match="1 of 400 points"):
-        Surface(points_B=surface.points_B, normals_B=surface.normals_B, radius=0.015)
+        MlsSurface(points_B=surface.points_B, normals_B=surface.normals_B, radius=0.015)

@@ -4,7 +4,7 @@ import pytest
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.plane import Plane
 from breastscan.planning import pattern
-from breastscan.planning.patch import Surface
+from breastscan.planning.patch import MlsSurface
 from breastscan.planning.pattern import PatternConfig
 
 SEMI_AXES = np.array([0.070, 0.080, 0.055])
@@ -72,7 +72,7 @@ def test_top_is_the_tip_of_the_nipple_and_noise_does_not_raise_it(noise):
     points_B, normals_B = ellipsoid_cloud(4000, noise)
     distance = np.linalg.norm(points_B[:, :2] - S_ORIGIN_B[:2], axis=1)
     points_B[:, 2] += 0.003 * np.exp(-((distance / 0.008) ** 2))
-    surface = Surface(points_B=points_B, normals_B=normals_B, radius=0.016)
+    surface = MlsSurface(points_B=points_B, normals_B=normals_B, radius=0.016)
     assert pattern.top_height(surface, PLATE) * 1e3 == pytest.approx(58.0, abs=0.3)
 
 
@@ -115,8 +115,8 @@ def test_tilted_plate_is_followed():
     )
     points_B, normals_B = ellipsoid_cloud()
     tilted = Plane(normal=R[:, 2], offset=float(R[:, 2] @ S_ORIGIN_B))
-    turned_B = (points_B - S_ORIGIN_B) @ R.T + S_ORIGIN_B
-    loop = pattern.half_height_loop(turned_B, normals_B @ R.T, tilted, PatternConfig())
+    rotated_B = (points_B - S_ORIGIN_B) @ R.T + S_ORIGIN_B
+    loop = pattern.half_height_loop(rotated_B, normals_B @ R.T, tilted, PatternConfig())
     np.testing.assert_allclose(tilted.heights(loop.points_B) * 1e3, 27.5, atol=0.2)
     assert rms(distance_from_skin_mm((loop.points_B - S_ORIGIN_B) @ R + S_ORIGIN_B)) < 0.15
 
@@ -139,7 +139,7 @@ def test_a_hole_on_the_way_is_named():
 def test_a_loop_at_the_very_top_is_refused():
     points_B, normals_B = ellipsoid_cloud()
     with pytest.raises(PlanningError, match="lower than the top"):
-        pattern.half_height_loop(points_B, normals_B, PLATE, PatternConfig(height_share=0.99))
+        pattern.half_height_loop(points_B, normals_B, PLATE, PatternConfig(height_fraction=0.99))
 
 
 def test_a_loop_smaller_than_the_smallest_is_refused():
@@ -161,7 +161,7 @@ def test_an_empty_band_is_refused():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("points", 3), ("height_share", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)],
+    [("points", 3), ("height_fraction", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)],
 )
 def test_settings_that_make_no_loop_are_named(name, value):
     with pytest.raises(ConfigError, match=name.replace("_", "-")):

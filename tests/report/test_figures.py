@@ -77,7 +77,7 @@ def test_joints_are_drawn_in_degrees_measured_and_planned(run, draw, measured):
         assert np.isnan(line(axis, "planned").get_ydata()[0])
 
 
-def test_bars_show_the_share_of_the_speed_limit(run):
+def test_bars_show_the_fraction_of_the_speed_limit(run):
     speeds = joint_figures.joint_limits(run.trajectory).axes[1]
     peak_deg_s = np.rad2deg(np.abs(run.trajectory.qd).max(axis=0))
     np.testing.assert_allclose(

@@ -155,11 +155,11 @@ def _depth(phase: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def _joint_angles(angle: np.ndarray) -> np.ndarray:
     """Smooth joint angles that swing as the loop does [rad]."""
-    swing, middle = (
+    swing, centre = (
         np.array([0.5, 0.4, 0.6, 0.7, 0.12, 0.0]),
         np.array([0.0, -1.4, 1.8, -1.9, -1.57, 0.0]),
     )
-    q = middle + swing * np.sin(angle[:, None] + np.arange(6))
+    q = centre + swing * np.sin(angle[:, None] + np.arange(6))
     q[:, 5] = angle - np.pi + 0.2 * np.sin(angle)
     return q
 

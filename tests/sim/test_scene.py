@@ -65,9 +65,9 @@ def test_the_parked_arm_hides_nothing_of_the_phantom(quiet_scene, pictures, side
     _, data = pictures
     eye_B = data.camera(side).xpos
     for point_B in se3.transform(quiet_scene.X_BS, quiet_scene.phantom.skin.vertices_S[::40]):
-        way = point_B - eye_B
-        distance = hit(pictures, eye_B + 0.01 * way, way / np.linalg.norm(way))
-        assert distance == -1 or distance > 0.99 * np.linalg.norm(way) - 1e-4
+        sight_B = point_B - eye_B
+        distance = hit(pictures, eye_B + 0.01 * sight_B, sight_B / np.linalg.norm(sight_B))
+        assert distance == -1 or distance > 0.99 * np.linalg.norm(sight_B) - 1e-4
 
 
 def test_the_parked_arm_keeps_clear_of_everything(quiet_scene):

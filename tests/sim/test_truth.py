@@ -64,9 +64,9 @@ def test_cast_rays_stop_at_the_first_skin_they_meet(truth, phantom):
     hit = np.isfinite(hits_S[:, 0])
     assert 0.3 < hit.mean() < 0.9
     assert np.abs(truth.distance(hits_S[hit])).max() < 1e-8
-    share = np.linspace(0, 0.999, 400)[:, None, None]
-    on_the_way_S = origin_S + share * (hits_S[hit] - origin_S)
-    assert phantom.level(on_the_way_S).min() > 0
+    fraction = np.linspace(0, 0.999, 400)[:, None, None]
+    between_S = origin_S + fraction * (hits_S[hit] - origin_S)
+    assert phantom.level(between_S).min() > 0
     beyond_S = origin_S + np.linspace(0.5, 1.6, 800)[:, None, None] * (aims_S[~hit] - origin_S)
     inside = (phantom.level(beyond_S) < -1e-3) & (beyond_S[..., 2] > 0)
     assert not inside.any()

@@ -34,7 +34,7 @@ def make_rig(distorted=True):
     return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
 
 
-def turn(axis_angle):
+def rotation_about(axis_angle):
     return se3.from_rotation_vector(np.asarray(axis_angle, float), np.zeros(3))
 
 
@@ -45,17 +45,19 @@ def project(camera, X_CBoard, board=BOARD):
     ][:, 0]
 
 
-def poses_in_view(rig, count, rng, tilt_deg=(20, 45), width_share=1.0):
+def poses_in_view(rig, count, rng, tilt_deg=(20, 45), width_fraction=1.0):
     """`X_LBoard` all over the left image, as far as both cameras see the board."""
     poses = []
     while len(poses) < count:
-        u, v = rng.uniform(-0.5, 0.5, 2) * width_share
+        u, v = rng.uniform(-0.5, 0.5, 2) * width_fraction
         depth = rng.uniform(0.3, 0.45)
-        middle = depth * np.array([u * SIZE[0] / 340, v * SIZE[1] / 340, 1.0])
+        centre = depth * np.array([u * SIZE[0] / 340, v * SIZE[1] / 340, 1.0])
         axis = len(poses) * GOLDEN_ANGLE
         tilt = np.radians(rng.uniform(*tilt_deg))
-        X = se3.pose(np.eye(3), middle) @ turn(tilt * np.array([np.cos(axis), np.sin(axis), 0]))
-        X = X @ turn([0, 0, rng.uniform(-0.4, 0.4)]) @ se3.pose(np.eye(3), -BOARD.centre)
+        X = se3.pose(np.eye(3), centre) @ rotation_about(
+            tilt * np.array([np.cos(axis), np.sin(axis), 0])
+        )
+        X = X @ rotation_about([0, 0, rng.uniform(-0.4, 0.4)]) @ se3.pose(np.eye(3), -BOARD.centre)
         pixels = np.vstack([project(rig.left, X), project(rig.right, rig.X_RL @ X)])
         if ((pixels > 22) & (pixels < np.array(SIZE) - 22)).all():
             poses.append(X)
@@ -80,8 +82,12 @@ def flange_poses(rig, X_FBoard, count, rng, tilt_deg=(15, 30)):
         axis = number * GOLDEN_ANGLE
         tilt = np.radians(rng.uniform(*tilt_deg))
         place = np.array([0.5, 0.0, 0.2]) + rng.uniform(-0.04, 0.04, 3)
-        tilted = turn([0, np.pi, 0]) @ turn(tilt * np.array([np.cos(axis), np.sin(axis), 0]))
-        X_BBoard = se3.pose(np.eye(3), place) @ tilted @ turn([0, 0, rng.uniform(-0.4, 0.4)])
+        tilted = rotation_about([0, np.pi, 0]) @ rotation_about(
+            tilt * np.array([np.cos(axis), np.sin(axis), 0])
+        )
+        X_BBoard = (
+            se3.pose(np.eye(3), place) @ tilted @ rotation_about([0, 0, rng.uniform(-0.4, 0.4)])
+        )
         poses.append(X_BBoard @ se3.pose(np.eye(3), -BOARD.centre) @ se3.inverse(X_FBoard))
     return np.array(poses)
 

@@ -32,9 +32,9 @@ def calibration(shots):
 
 
 def test_the_pair_is_found_from_noisy_corners(rig, calibration):
-    turn_deg = np.degrees(se3.rotation_vector(calibration.rig.X_RL @ se3.inverse(rig.X_RL)))
+    rotation_deg = np.degrees(se3.rotation_vector(calibration.rig.X_RL @ se3.inverse(rig.X_RL)))
     assert abs(calibration.rig.baseline - rig.baseline) * 1e3 < 0.05
-    assert np.abs(turn_deg).max() < 0.02
+    assert np.abs(rotation_deg).max() < 0.02
     np.testing.assert_allclose(calibration.rig.left.K, rig.left.K, atol=0.2)
     np.testing.assert_allclose(calibration.rig.right.K, rig.right.K, atol=0.2)
 
@@ -69,7 +69,7 @@ def test_too_few_shots_are_refused(shots):
 
 
 def test_shots_in_the_middle_of_the_image_alone_are_refused(rig):
-    X = poses_in_view(rig, 14, np.random.default_rng(2), width_share=0.15)
+    X = poses_in_view(rig, 14, np.random.default_rng(2), width_fraction=0.15)
     with pytest.raises(CalibrationError, match=r"cover .* of the left image"):
         calibrate(shots_of(rig, X, np.random.default_rng(3)), SIZE, BOARD)
 
@@ -93,8 +93,8 @@ def test_a_poor_set_is_refused_with_the_reason(poor, reason):
 
 
 def test_boards_that_tilt_about_one_axis_alone_have_no_spread():
-    turns = np.linspace(-0.7, 0.7, 9)[:, None] * np.array([1.0, 0, 0])
-    assert tilt_spread(se3.from_rotation_vector(turns, np.zeros((9, 3)))) == pytest.approx(
+    tilts = np.linspace(-0.7, 0.7, 9)[:, None] * np.array([1.0, 0, 0])
+    assert tilt_spread(se3.from_rotation_vector(tilts, np.zeros((9, 3)))) == pytest.approx(
         0, abs=1e-6
     )
 

@@ -9,7 +9,7 @@ from breastscan.vision.calibration import board_pose
 from breastscan.vision.hand_eye import CLOSED_FORMS, closed_form, hand_eye, same_end
 from tests.vision.board_shots import BOARD, flange_poses, make_rig, shots_of
 
-X_FBOARD = se3.from_rotation_vector(np.array([0.02, -0.01, 0.3]), np.array([-0.27, -0.05, 0.12]))
+X_FBoard = se3.from_rotation_vector(np.array([0.02, -0.01, 0.3]), np.array([-0.27, -0.05, 0.12]))
 POSITION_NOISE, ROTATION_NOISE = 5e-5, np.radians(0.01)
 
 
@@ -20,20 +20,20 @@ def rig():
 
 @pytest.fixture(scope="module")
 def X_BF(rig):
-    return flange_poses(rig, X_FBOARD, 30, np.random.default_rng(0))
+    return flange_poses(rig, X_FBoard, 30, np.random.default_rng(0))
 
 
 def shots_at(rig, X_BF, noise_px):
     return shots_of(
-        rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBOARD, np.random.default_rng(1), noise_px
+        rig, se3.inverse(rig.X_BL) @ X_BF @ X_FBoard, np.random.default_rng(1), noise_px
     )
 
 
 def stated(X_BF):
     rng = np.random.default_rng(2)
-    turns = ROTATION_NOISE * rng.standard_normal((len(X_BF), 3))
+    rotation_vectors = ROTATION_NOISE * rng.standard_normal((len(X_BF), 3))
     shifts = POSITION_NOISE * rng.standard_normal((len(X_BF), 3))
-    return X_BF @ se3.from_rotation_vector(turns, shifts)
+    return X_BF @ se3.from_rotation_vector(rotation_vectors, shifts)
 
 
 def error(X_AB, truth):
@@ -79,8 +79,10 @@ def test_a_yaw_error_of_the_rig_is_mended(rig, X_BF):
 
 def test_the_ends_of_a_plain_board_are_told_apart_by_the_arm(rig, X_BF):
     shots = shots_at(rig, X_BF, 0.02)
-    turned = np.random.default_rng(3).uniform(size=len(shots)) < 0.5
-    mixed = [shot.half_turned() if half else shot for shot, half in zip(shots, turned, strict=True)]
+    flipped = np.random.default_rng(3).uniform(size=len(shots)) < 0.5
+    mixed = [
+        shot.half_turned() if half else shot for shot, half in zip(shots, flipped, strict=True)
+    ]
     sorted_out = same_end(mixed, stated(X_BF), rig, BOARD)
     same = np.array(
         [np.array_equal(out.left, shot.left) for out, shot in zip(sorted_out, shots, strict=True)]
@@ -93,7 +95,7 @@ def test_the_ends_of_a_plain_board_are_told_apart_by_the_arm(rig, X_BF):
 
 
 def test_too_little_tilt_is_refused(rig):
-    X_BF = flange_poses(rig, X_FBOARD, 30, np.random.default_rng(0), tilt_deg=(0, 8))
+    X_BF = flange_poses(rig, X_FBoard, 30, np.random.default_rng(0), tilt_deg=(0, 8))
     with pytest.raises(CalibrationError, match="tilt the board"):
         hand_eye(shots_at(rig, X_BF, 0.02), X_BF, without_place(rig), BOARD)
 

@@ -192,7 +192,7 @@ def test_settings_that_cannot_work_are_refused(wrong):
         RefineConfig(**wrong)
 
 
-@pytest.mark.parametrize("wrong", [{"iterations": 0}, {"smoothing": 0.0}, {"doubtful": -1.0}])
+@pytest.mark.parametrize("wrong", [{"iterations": 0}, {"smoothing": 0.0}, {"robust_scale": -1.0}])
 def test_fits_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong)).replace("_", "-")):
         FitConfig(**wrong)

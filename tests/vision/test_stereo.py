@@ -106,9 +106,11 @@ def reference_disparity(left: np.ndarray, right: np.ndarray, config: StereoConfi
 
 
 def sub_pixel(total: np.ndarray, d: int, config: StereoConfig) -> float:
-    below, least, above = (int(value) for value in total[d - 1 : d + 2])
+    below, lowest, above = (int(value) for value in total[d - 1 : d + 2])
     span = (
-        max(below, above) - least if config.subpixel == "equiangular" else below + above - 2 * least
+        max(below, above) - lowest
+        if config.subpixel == "equiangular"
+        else below + above - 2 * lowest
     )
     return (below - above) / (2 * span) if span else 0.0
 

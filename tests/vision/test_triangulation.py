@@ -34,8 +34,8 @@ def test_points_come_out_in_the_unrectified_left_camera():
     """
     R_LV = Rotation.from_euler("xyz", [2.0, -4.0, 1.0], degrees=True).as_matrix()
     disparity = np.full((9, 11), 120.0, np.float32)
-    turned = triangulate(disparity, pair_like(9, 11, R_LV))
-    np.testing.assert_allclose(turned @ R_LV, triangulate(disparity, pair_like(9, 11)), atol=1e-12)
+    rotated = triangulate(disparity, pair_like(9, 11, R_LV))
+    np.testing.assert_allclose(rotated @ R_LV, triangulate(disparity, pair_like(9, 11)), atol=1e-12)
 
 
 def test_unknown_and_impossible_disparities_give_nan_points():

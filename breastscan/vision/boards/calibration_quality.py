@@ -11,9 +11,9 @@ from breastscan.vision.boards.board import BoardShot
 
 CELLS = (8, 6)
 """Columns and rows of the cells in which corners are counted."""
-LEAST_COVERAGE = 0.5
+MIN_COVERAGE = 0.5
 """Share of each image's cells with a corner in it [-]."""
-LEAST_TILT_SPREAD = np.radians(8.0)
+MIN_TILT_SPREAD = np.radians(8.0)
 """Spread of the boards' normals about every axis, one sigma [rad]."""
 LARGEST_HELD_OUT_RATIO = 2.0
 """Residual of shots held out over that of the fit [-]."""
@@ -41,17 +41,17 @@ def check(quality: Quality) -> None:
     Raises:
         CalibrationError: The reason, and how to shoot better.
     """
-    for side, share in zip(("left", "right"), quality.coverage, strict=True):
-        if share < LEAST_COVERAGE:
+    for side, fraction in zip(("left", "right"), quality.coverage, strict=True):
+        if fraction < MIN_COVERAGE:
             raise CalibrationError(
-                f"the board's corners cover {share:.0%} of the {side} image, {LEAST_COVERAGE:.0%} "
+                f"the board's corners cover {fraction:.0%} of the {side} image, {MIN_COVERAGE:.0%} "
                 "are needed: show the board in the corners and along the edges too",
                 quality,
             )
-    if quality.tilt_spread < LEAST_TILT_SPREAD:
+    if quality.tilt_spread < MIN_TILT_SPREAD:
         raise CalibrationError(
             f"the board's tilt varies by {np.degrees(quality.tilt_spread):.1f} deg about one axis, "
-            f"{np.degrees(LEAST_TILT_SPREAD):.0f} deg are needed: tilt it by 20 to 45 deg about "
+            f"{np.degrees(MIN_TILT_SPREAD):.0f} deg are needed: tilt it by 20 to 45 deg about "
             "several axes",
             quality,
         )
@@ -74,12 +74,12 @@ def check(quality: Quality) -> None:
 def image_coverage(shots: Sequence[BoardShot], size: tuple[int, int]) -> tuple[float, float]:
     """Share of the cells of the left and the right image in which a corner was found."""
 
-    def share(side: str) -> float:
+    def fraction(side: str) -> float:
         pixels = np.vstack([getattr(shot, side) for shot in shots])
         counts, _, _ = np.histogram2d(*pixels.T, bins=CELLS, range=((0, size[0]), (0, size[1])))
         return float((counts > 0).mean())
 
-    return share("left"), share("right")
+    return fraction("left"), fraction("right")
 
 
 def tilt_spread(X_LBoard: Float[np.ndarray, "shots 4 4"]) -> float:

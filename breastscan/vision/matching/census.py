@@ -11,12 +11,12 @@ from jaxtyping import UInt8
 
 from breastscan.vision.matching.lanes import (
     LANES,
+    broadcast,
     chosen,
     count_ones,
     kernel,
     less,
     load,
-    splat,
     store,
 )
 
@@ -56,7 +56,7 @@ def census(image: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h 8 w_padded"]
 
 @kernel
 def _fill_planes(image, stride, offsets, planes, height, width):
-    nothing = splat(np.uint8(0))
+    nothing = broadcast(np.uint8(0))
     for y in range(height):
         for x in range(0, width, LANES):
             pixel = (y + HALF_HEIGHT) * stride + x + HALF_WIDTH
@@ -66,7 +66,7 @@ def _fill_planes(image, stride, offsets, planes, height, width):
                 for bit in range(8):
                     neighbour = load(image, pixel + offsets[8 * plane + bit])
                     bits = bits | chosen(
-                        less(centre, neighbour), nothing, splat(np.uint8(1 << bit))
+                        less(centre, neighbour), nothing, broadcast(np.uint8(1 << bit))
                     )
                 store(planes, (y * PLANES + plane) * width + x, bits)
 

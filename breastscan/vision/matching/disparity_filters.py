@@ -11,13 +11,13 @@ from jaxtyping import Float32, Int16, UInt16
 
 from breastscan.vision.matching.lanes import (
     LANES,
+    broadcast,
     count_bits,
     equal,
     kernel,
     less,
     load,
     minimum,
-    splat,
     store,
 )
 
@@ -48,46 +48,46 @@ def filtered(
         return disparity
     largest = max(1.0, float(np.nanmax(disparity, initial=0.0)))
     steps = min(LARGEST_STEPS, int((ABOVE_ALL - 2 * LARGEST_STEPS) / largest))
-    whole = np.empty(disparity.shape, np.uint16)
-    _to_whole(disparity, np.float32(steps), whole)
+    fixed = np.empty(disparity.shape, np.uint16)
+    _to_fixed_point(disparity, np.float32(steps), fixed)
     if speckle_px > 0:
-        remove_speckles(whole, int(LIKE_PX * steps), speckle_px)
+        remove_speckles(fixed, int(LIKE_PX * steps), speckle_px)
     if median_px > 1:
-        whole = median_of_known(whole, median_px)
-    rise, count = mean_of_like(whole, int(LIKE_PX * steps), mean_px)
+        fixed = median_of_known(fixed, median_px)
+    difference_sum, count = mean_of_like(fixed, int(LIKE_PX * steps), mean_px)
     result = np.empty_like(disparity)
-    _to_pixels(whole, rise, count, np.float32(1.0 / steps), result)
+    _to_pixels(fixed, difference_sum, count, np.float32(1.0 / steps), result)
     return result
 
 
 @kernel
-def _to_whole(disparity, steps, whole):
+def _to_fixed_point(disparity, steps, fixed):
     for y in range(disparity.shape[0]):
         for x in range(disparity.shape[1]):
             value = disparity[y, x]
-            whole[y, x] = np.uint16(value * steps + np.float32(1.5)) if value >= 0 else UNKNOWN
+            fixed[y, x] = np.uint16(value * steps + np.float32(1.5)) if value >= 0 else UNKNOWN
 
 
 @kernel
-def _to_pixels(whole, rise, count, size, disparity):
-    for y in range(whole.shape[0]):
-        for x in range(whole.shape[1]):
+def _to_pixels(fixed, difference_sum, count, size, disparity):
+    for y in range(fixed.shape[0]):
+        for x in range(fixed.shape[1]):
             mean = (
-                np.float32(whole[y, x])
-                + np.float32(rise[y, x]) / np.float32(count[y, x])
+                np.float32(fixed[y, x])
+                + np.float32(difference_sum[y, x]) / np.float32(count[y, x])
                 - np.float32(1.0)
             )
-            disparity[y, x] = mean * size if whole[y, x] != UNKNOWN else np.float32(np.nan)
+            disparity[y, x] = mean * size if fixed[y, x] != UNKNOWN else np.float32(np.nan)
 
 
 @kernel
-def remove_speckles(whole, step, smallest):
+def remove_speckles(fixed, step, smallest):
     """Make every connected patch of fewer than `smallest` pixels unknown; a `step` connects
     neighbours at most.
 
     Pixels are joined to runs along the rows, and runs that touch across rows by union-find.
     """
-    height, width = whole.shape
+    height, width = fixed.shape
     runs = np.empty(
         (height * width, 3), np.int32
     )  # first pixel, length and parent of each; memory unused is not paged in
@@ -98,7 +98,7 @@ def remove_speckles(whole, step, smallest):
         joined = -1
         start = 0
         for x in range(width):
-            value = np.int64(whole[y, x])
+            value = np.int64(fixed[y, x])
             if value == UNKNOWN or before == UNKNOWN or abs(value - before) > step:
                 if before != UNKNOWN:
                     runs[count - 1, 1] = x - start
@@ -112,7 +112,7 @@ def remove_speckles(whole, step, smallest):
                 upper >= 0
                 and value != UNKNOWN
                 and upper != joined
-                and abs(value - np.int64(whole[y - 1, x])) <= step
+                and abs(value - np.int64(fixed[y - 1, x])) <= step
             ):
                 joined = upper
                 _join(runs, count - 1, upper)
@@ -120,7 +120,7 @@ def remove_speckles(whole, step, smallest):
         if before != UNKNOWN:
             runs[count - 1, 1] = width - start
         above, here = here, above
-    _erase_small(whole.reshape(-1), runs[:count], smallest)
+    _erase_small(fixed.reshape(-1), runs[:count], smallest)
 
 
 @kernel
@@ -148,7 +148,7 @@ def _erase_small(pixels, runs, smallest):
             pixels[runs[run, 0] : runs[run, 0] + runs[run, 1]] = UNKNOWN
 
 
-def median_of_known(whole: UInt16[np.ndarray, "h w"], size: int) -> UInt16[np.ndarray, "h w"]:
+def median_of_known(fixed: UInt16[np.ndarray, "h w"], size: int) -> UInt16[np.ndarray, "h w"]:
     """Median of the known values in each pixel's window (of two middle ones the lower); unknown
     pixels stay unknown.
 
@@ -156,28 +156,28 @@ def median_of_known(whole: UInt16[np.ndarray, "h w"], size: int) -> UInt16[np.nd
     """
     # OpenCV's filter is fast but takes unknown pixels for small ones: windows that hold one are
     # done again.
-    median = cv2.medianBlur(whole, size)
-    unknown = (whole == UNKNOWN).view(np.uint8)
+    median = cv2.medianBlur(fixed, size)
+    unknown = (fixed == UNKNOWN).view(np.uint8)
     near_unknown = cv2.dilate(unknown, np.ones((size, size), np.uint8))
-    _median_again(near_unknown, whole, size // 2, median)
+    _median_again(near_unknown, fixed, size // 2, median)
     return median
 
 
 @kernel
-def _median_again(where, whole, half, median):
-    height, width = whole.shape
+def _median_again(where, fixed, half, median):
+    height, width = fixed.shape
     known = np.empty(LANES, np.uint16)
     for y in range(height):
         for x in range(width):
             if not where[y, x]:
                 continue
-            if whole[y, x] == UNKNOWN:
+            if fixed[y, x] == UNKNOWN:
                 median[y, x] = UNKNOWN
                 continue
             count = 0
             for v in range(y - half, y + half + 1):
                 for u in range(x - half, x + half + 1):
-                    known[count] = whole[min(max(v, 0), height - 1), min(max(u, 0), width - 1)]
+                    known[count] = fixed[min(max(v, 0), height - 1), min(max(u, 0), width - 1)]
                     count += 1 if known[count] != UNKNOWN else 0
             known[count:] = ABOVE_ALL
             median[y, x] = _ranked(known, count, (count - 1) // 2)
@@ -191,7 +191,7 @@ def _ranked(values, count, rank):
     lanes = load(values, 0)
     result = ABOVE_ALL
     for i in range(count):
-        not_above = count_bits(equal(minimum(lanes, splat(values[i])), lanes))
+        not_above = count_bits(equal(minimum(lanes, broadcast(values[i])), lanes))
         # no branch that could be mispredicted
         reaches = np.uint16(values[i] if not_above > rank else ABOVE_ALL)
         result = min(result, reaches)
@@ -199,7 +199,7 @@ def _ranked(values, count, rank):
 
 
 def mean_of_like(
-    whole: UInt16[np.ndarray, "h w"], step: int, size: int
+    fixed: UInt16[np.ndarray, "h w"], step: int, size: int
 ) -> tuple[Int16[np.ndarray, "h w2"], UInt16[np.ndarray, "h w2"]]:
     """Each pixel with its like neighbours: those that differ from it by `step` at most, as their
     opposite ones do.
@@ -212,30 +212,34 @@ def mean_of_like(
         is the pixel's own value + sum / count. Rows are padded; what stands for an unknown pixel
         means nothing.
     """
-    height, width = whole.shape
+    height, width = fixed.shape
     half, padded_width = size // 2, -(-width // LANES) * LANES
     bordered = np.full((height + 2 * half, padded_width + 2 * half), ABOVE_ALL)
-    _copy_known(whole, bordered[half : half + height, half : half + width])
-    rise, count = np.zeros((2, height * padded_width), np.uint16)
-    _sum_like(bordered.reshape(-1), half, np.uint16(step), rise, count, height, padded_width)
-    return rise.view(np.int16).reshape(height, padded_width), count.reshape(height, padded_width)
+    _copy_known(fixed, bordered[half : half + height, half : half + width])
+    difference_sum, count = np.zeros((2, height * padded_width), np.uint16)
+    _sum_like(
+        bordered.reshape(-1), half, np.uint16(step), difference_sum, count, height, padded_width
+    )
+    return difference_sum.view(np.int16).reshape(height, padded_width), count.reshape(
+        height, padded_width
+    )
 
 
 @kernel
-def _copy_known(whole, bordered):
-    for y in range(whole.shape[0]):
-        for x in range(whole.shape[1]):
-            bordered[y, x] = whole[y, x] if whole[y, x] != UNKNOWN else ABOVE_ALL
+def _copy_known(fixed, bordered):
+    for y in range(fixed.shape[0]):
+        for x in range(fixed.shape[1]):
+            bordered[y, x] = fixed[y, x] if fixed[y, x] != UNKNOWN else ABOVE_ALL
 
 
 @kernel
-def _sum_like(bordered, half, step, rise, count, height, width):
+def _sum_like(bordered, half, step, difference_sum, count, height, width):
     side = 2 * half + 1
-    stride, beyond = width + 2 * half, splat(np.uint16(step + 1))
+    stride, beyond = width + 2 * half, broadcast(np.uint16(step + 1))
     for y in range(height):
         for x in range(0, width, LANES):
             centre = load(bordered, (y + half) * stride + x + half)
-            total, others = splat(np.uint16(0)), splat(np.uint16(0))
+            total, others = broadcast(np.uint16(0)), broadcast(np.uint16(0))
             for pair in range(side * side // 2):
                 place = (pair // side - half) * stride + pair % side - half
                 one = load(bordered, (y + half) * stride + x + half + place)
@@ -245,8 +249,8 @@ def _sum_like(bordered, half, step, rise, count, height, width):
                 )
                 total = total + ((one + other - centre - centre) & alike)
                 others = others - alike - alike  # all bits set is -1
-            store(rise, y * width + x, total)
-            store(count, y * width + x, others + splat(np.uint16(1)))
+            store(difference_sum, y * width + x, total)
+            store(count, y * width + x, others + broadcast(np.uint16(1)))
 
 
 @kernel

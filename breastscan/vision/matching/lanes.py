@@ -127,7 +127,7 @@ def store(typing_context, array, start, lanes):
 
 
 @_primitive
-def splat(typing_context, value):
+def broadcast(typing_context, value):
     """All lanes equal to `value`, a uint8 or a uint16."""
 
     def emit(context, builder, signature, operands):

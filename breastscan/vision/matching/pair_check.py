@@ -12,7 +12,7 @@ DARKEST_SHADE = 12
 exposure."""
 BRIGHTEST_SHADE = 254
 """From here on a pixel is saturated [grey levels]."""
-LARGEST_SATURATED_SHARE = 0.5
+MAX_SATURATED_FRACTION = 0.5
 SMALLEST_CONTRAST = 6.0
 """An image whose grey levels span less has no texture to match [grey levels]; its noise alone spans
 this much."""
@@ -21,7 +21,7 @@ TAIL = 0.02
 EXCHANGED_GAIN = 1.25
 """The images are exchanged if the other way round this many times as many pixels match: of two
 unrelated images, too, a third may."""
-LEAST_SHARE = 0.05
+MIN_FRACTION = 0.05
 """Fewer matches say nothing about the order: the two images do not belong together."""
 
 
@@ -39,10 +39,10 @@ def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
             "255: take off the lens cap, add light or expose longer",
             float(brightest),
         )
-    if saturated > LARGEST_SATURATED_SHARE:
+    if saturated > MAX_SATURATED_FRACTION:
         raise PerceptionError(
             f"{name} is saturated: {100 * saturated:.0f} % of its pixels are white, expected less "
-            f"than {100 * LARGEST_SATURATED_SHARE:.0f} %: expose shorter or dim the lamp",
+            f"than {100 * MAX_SATURATED_FRACTION:.0f} %: expose shorter or dim the lamp",
             saturated,
         )
     if brightest - darkest < SMALLEST_CONTRAST:
@@ -54,7 +54,9 @@ def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
         )
 
 
-def check_order(matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarray, "h w"]) -> None:
+def check_exchanged(
+    matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarray, "h w"]
+) -> None:
     """Refuse a pair whose disparity is known at more pixels the other way round.
 
     Args:
@@ -64,15 +66,15 @@ def check_order(matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarr
     Raises:
         PerceptionError: Left and right are exchanged.
     """
-    share, exchanged_share = _known_share(matched), _known_share(exchanged)
-    if exchanged_share > max(EXCHANGED_GAIN * share, LEAST_SHARE):
+    fraction, exchanged_fraction = _known_fraction(matched), _known_fraction(exchanged)
+    if exchanged_fraction > max(EXCHANGED_GAIN * fraction, MIN_FRACTION):
         raise PerceptionError(
-            f"the left and the right image are exchanged: {100 * share:.0f} % of the pixels match "
-            f"as given, {100 * exchanged_share:.0f} % the other way round: exchange the two files, "
-            "or the cameras' cables",
-            share,
+            f"the left and the right image are exchanged: {100 * fraction:.0f} % of the pixels "
+            f"match as given, {100 * exchanged_fraction:.0f} % the other way round: exchange the "
+            "two files, or the cameras' cables",
+            fraction,
         )
 
 
-def _known_share(disparity: Float32[np.ndarray, "h w"]) -> float:
+def _known_fraction(disparity: Float32[np.ndarray, "h w"]) -> float:
     return float(np.mean(np.isfinite(disparity)))

@@ -46,8 +46,8 @@ def semi_global_disparity(
         matching: Penalties, consistency and sub-pixel fit.
     """
     height, width = result.shape
-    middle = height // 2
-    rises, costs = _kept_volumes(height, width, disparities)
+    centre_row = height // 2
+    increments, costs = _kept_volumes(height, width, disparities)
     fronts = _Fronts.at_rest(width, disparities, paths)
 
     def run(downwards: bool, first_step: int, last_step: int, completes: bool) -> None:
@@ -55,11 +55,11 @@ def semi_global_disparity(
         sweep_for(disparities, paths, completes)(
             left,
             right,
-            rises,
+            increments,
             costs,
             result,
             fronts.path_costs[side],
-            fronts.floors[side],
+            fronts.minima[side],
             downwards,
             first_step,
             last_step,
@@ -67,9 +67,17 @@ def semi_global_disparity(
         )
 
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(run, (True, False), (0, 0), (middle, height - middle), (False, False)))
         list(
-            pool.map(run, (True, False), (middle, height - middle), (height, height), (True, True))
+            pool.map(run, (True, False), (0, 0), (centre_row, height - centre_row), (False, False))
+        )
+        list(
+            pool.map(
+                run,
+                (True, False),
+                (centre_row, height - centre_row),
+                (height, height),
+                (True, True),
+            )
         )
 
 
@@ -97,7 +105,7 @@ class _Fronts:
     """
 
     path_costs: UInt8[np.ndarray, "2 2 n"]
-    floors: UInt8[np.ndarray, "2 2 slots"]
+    minima: UInt8[np.ndarray, "2 2 slots"]
 
     @staticmethod
     def at_rest(width: int, disparities: int, paths: int) -> "_Fronts":
@@ -108,7 +116,7 @@ class _Fronts:
         path_costs[..., disparities:] = NO_PATH
         return _Fronts(
             path_costs=path_costs.reshape(2, 2, -1)[..., disparities:],
-            floors=np.zeros((2, 2, slots), np.uint8),
+            minima=np.zeros((2, 2, slots), np.uint8),
         )
 
 

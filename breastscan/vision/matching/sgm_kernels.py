@@ -13,13 +13,13 @@ from breastscan.vision.matching.census import PLANES, hamming
 from breastscan.vision.matching.lanes import (
     LANES,
     add_saturated,
+    broadcast,
     equal,
     first_bit,
     kernel,
     load,
     minimum,
     smallest,
-    splat,
     store,
     widened,
 )
@@ -32,7 +32,7 @@ bits."""
 WORST_TOTAL = np.uint16(65535)
 BLOCK_BITS = np.uint16(6)
 """Bits of a block's number below a total: 8 paths of at most 62 + 63 each leave them free."""
-MOST_DISPARITIES = LANES << int(BLOCK_BITS)
+MAX_DISPARITIES = LANES << int(BLOCK_BITS)
 
 
 class Matching(NamedTuple):
@@ -61,7 +61,7 @@ class Front(NamedTuple):
     """
 
     path_costs: UInt8[np.ndarray, "n"]
-    floors: UInt8[np.ndarray, "slots"]
+    minima: UInt8[np.ndarray, "slots"]
     """The least path cost in each slot."""
 
 
@@ -76,14 +76,14 @@ def census_string(planes, x):
     """The eight bytes of the string at x, each in all lanes."""
     n = planes.size // PLANES
     return (
-        splat(planes[x]),
-        splat(planes[x + n]),
-        splat(planes[x + 2 * n]),
-        splat(planes[x + 3 * n]),
-        splat(planes[x + 4 * n]),
-        splat(planes[x + 5 * n]),
-        splat(planes[x + 6 * n]),
-        splat(planes[x + 7 * n]),
+        broadcast(planes[x]),
+        broadcast(planes[x + n]),
+        broadcast(planes[x + 2 * n]),
+        broadcast(planes[x + 3 * n]),
+        broadcast(planes[x + 4 * n]),
+        broadcast(planes[x + 5 * n]),
+        broadcast(planes[x + 6 * n]),
+        broadcast(planes[x + 7 * n]),
     )
 
 
@@ -118,15 +118,15 @@ def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
 
 
 @kernel
-def bounds(floor, matching):
+def bounds(minimum_cost, matching):
     """The least path cost behind, and what a jump from there costs: in every lane, once for all
     disparities.
     """
-    return splat(floor), splat(np.uint8(floor + matching.P2))
+    return broadcast(minimum_cost), broadcast(np.uint8(minimum_cost + matching.P2))
 
 
 @kernel
-def rise_over(here, beside, behind, matching):
+def path_cost_increment(here, beside, behind, matching):
     """L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the line.
 
     Args:
@@ -135,8 +135,10 @@ def rise_over(here, beside, behind, matching):
         behind: Its `bounds`.
         matching: The penalties.
     """
-    floor, jump = behind
-    return minimum(minimum(here, add_saturated(beside, splat(matching.P1))), jump) - floor
+    minimum_cost, jump = behind
+    return (
+        minimum(minimum(here, add_saturated(beside, broadcast(matching.P1))), jump) - minimum_cost
+    )
 
 
 @kernel
@@ -145,21 +147,21 @@ def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, m
     least L_r so far.
     """
     beside = minimum(load(path_costs, start - 1), load(path_costs, start + 1))
-    rise = rise_over(load(path_costs, start), beside, behind, matching)
-    store(ahead_costs, ahead_start, cost + rise)
-    return rise, minimum(lowest, cost + rise)
+    increment = path_cost_increment(load(path_costs, start), beside, behind, matching)
+    store(ahead_costs, ahead_start, cost + increment)
+    return increment, minimum(lowest, cost + increment)
 
 
 @kernel
-def total_cost(cost, rises, stored_rises, paths):
+def total_cost(cost, increments, stored_increments, paths):
     """S(p, d), the sum of all paths [Zhang, Eq. 5]: `paths` times C, and what either sweep's
     paths add to it.
     """
     twice = cost + cost
     if paths == 4:  # all rises together still fit 8 bits, and so does 4 C
-        return widened(twice + twice) + widened(rises + stored_rises)
+        return widened(twice + twice) + widened(increments + stored_increments)
     quadruple = widened(twice + twice)
-    return quadruple + quadruple + widened(rises) + widened(stored_rises)
+    return quadruple + quadruple + widened(increments) + widened(stored_increments)
 
 
 @kernel
@@ -167,15 +169,15 @@ def ranked(total, e):
     """Totals at e and after, each with the number of its `LANES` disparities below it: one
     minimum compares both.
     """
-    return (total << splat(BLOCK_BITS)) + splat(np.uint16(e // LANES))
+    return (total << broadcast(BLOCK_BITS)) + broadcast(np.uint16(e // LANES))
 
 
 @kernel
 def first_index(ranks):
     """Index of the least total [Zhang, Eq. 6]: of equal ones the nearest surface."""
-    least = smallest(ranks)
-    block = least & ((1 << BLOCK_BITS) - 1)
-    return np.int64(block) * LANES + first_bit(equal(ranks, splat(least)))
+    lowest = smallest(ranks)
+    block = lowest & ((1 << BLOCK_BITS) - 1)
+    return np.int64(block) * LANES + first_bit(equal(ranks, broadcast(lowest)))
 
 
 @kernel
@@ -217,7 +219,7 @@ def _agrees(totals, right_best, x, winner, tolerance, disparities, width):
 def _sub_pixel(totals, index, equiangular):
     """Where between its neighbours the minimum lies, in -.5 to .5 of an index."""
     before = np.int64(totals[index - 1])
-    least = np.int64(totals[index])
+    lowest = np.int64(totals[index])
     after = np.int64(totals[index + 1])
-    span = 2 * (max(before, after) - least) if equiangular else 2 * (before + after - 2 * least)
+    span = 2 * (max(before, after) - lowest) if equiangular else 2 * (before + after - 2 * lowest)
     return (before - after) / span if span > 0 else 0.0

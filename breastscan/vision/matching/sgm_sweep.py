@@ -7,13 +7,13 @@ import numpy as np
 
 from breastscan.vision.matching.lanes import (
     LANES,
+    broadcast,
     kernel,
     lanes_above,
     lanes_below,
     load,
     minimum,
     smallest,
-    splat,
     store,
 )
 from breastscan.vision.matching.sgm_kernels import (
@@ -24,8 +24,8 @@ from breastscan.vision.matching.sgm_kernels import (
     bounds,
     fill_matching_costs,
     first_index,
+    path_cost_increment,
     ranked,
-    rise_over,
     row_disparities,
     slot_start,
     total_cost,
@@ -40,11 +40,11 @@ def sweep_for(disparities: int, paths: int, completes: bool) -> Callable:
     def sweep(
         left,
         right,
-        rises,
+        increments,
         costs,
         result,
         path_costs,
-        floors,
+        minima,
         downwards,
         first_step,
         last_step,
@@ -59,26 +59,26 @@ def sweep_for(disparities: int, paths: int, completes: bool) -> Callable:
         right_best = np.empty(width + disparities, np.uint16)
         for step_number in range(first_step, last_step):
             y = step_number if downwards else height - 1 - step_number
-            row_costs, row_rises = costs[y], rises[y]
+            row_costs, row_increments = costs[y], increments[y]
             if not completes:
                 fill_matching_costs(
                     left[y].reshape(-1), right[y].reshape(-1), first, row_costs, width, disparities
                 )
             old, new = (step_number + 1) % 2, step_number % 2
-            behind, ahead = Front(path_costs[old], floors[old]), Front(path_costs[new], floors[new])
+            behind, ahead = Front(path_costs[old], minima[old]), Front(path_costs[new], minima[new])
             right_best[:] = WORST_TOTAL
             row[:disparities] = 0
-            row_floor = np.uint8(0)
+            row_minimum = np.uint8(0)
             for along in range(width):
                 x = along if downwards else width - 1 - along
-                row_floor, winners[x] = _step(
+                row_minimum, winners[x] = _step(
                     x,
                     row,
-                    row_floor,
+                    row_minimum,
                     behind,
                     ahead,
                     row_costs,
-                    row_rises,
+                    row_increments,
                     totals,
                     right_best,
                     matching,
@@ -96,11 +96,11 @@ def sweep_for(disparities: int, paths: int, completes: bool) -> Callable:
 def _step(
     x,
     row,
-    row_floor,
+    row_minimum,
     behind,
     ahead,
     costs,
-    rises,
+    increments,
     totals,
     right_best,
     matching,
@@ -111,26 +111,34 @@ def _step(
     """One pixel, all lines through it: gives the row's new floor and, if completing, the winner
     [Zhang, Eq. 6].
     """
-    slots = ahead.floors.size // (paths // 2 - 1)
+    slots = ahead.minima.size // (paths // 2 - 1)
     column = x + 1
-    falling, rising = column + slots, column + 2 * slots
-    nothing = splat(NO_PATH)
+    diagonal, antidiagonal = column + slots, column + 2 * slots
+    nothing = broadcast(NO_PATH)
     row_lowest = nothing
     column_lowest = nothing
-    falling_lowest = nothing
-    rising_lowest = nothing
-    lowest = splat(WORST_TOTAL)
-    row_bounds, column_bounds = bounds(row_floor, matching), bounds(behind.floors[column], matching)
-    column_start = slot_start(column, disparities)
-    falling_bounds = rising_bounds = column_bounds  # what four paths do not use costs nothing
-    if paths == 8:
-        falling_bounds = bounds(behind.floors[falling - 1], matching)
-        rising_bounds = bounds(behind.floors[rising + 1], matching)
-    falling_from, falling_to = (
-        slot_start(falling - 1, disparities),
-        slot_start(falling, disparities),
+    diagonal_lowest = nothing
+    antidiagonal_lowest = nothing
+    lowest = broadcast(WORST_TOTAL)
+    row_bounds, column_bounds = (
+        bounds(row_minimum, matching),
+        bounds(behind.minima[column], matching),
     )
-    rising_from, rising_to = slot_start(rising + 1, disparities), slot_start(rising, disparities)
+    column_start = slot_start(column, disparities)
+    diagonal_bounds = antidiagonal_bounds = (
+        column_bounds  # what four paths do not use costs nothing
+    )
+    if paths == 8:
+        diagonal_bounds = bounds(behind.minima[diagonal - 1], matching)
+        antidiagonal_bounds = bounds(behind.minima[antidiagonal + 1], matching)
+    diagonal_from, diagonal_to = (
+        slot_start(diagonal - 1, disparities),
+        slot_start(diagonal, disparities),
+    )
+    antidiagonal_from, antidiagonal_to = (
+        slot_start(antidiagonal + 1, disparities),
+        slot_start(antidiagonal, disparities),
+    )
     before, here = nothing, load(row, 0)
     for e in range(0, disparities, LANES):
         index = x * disparities + e
@@ -138,12 +146,12 @@ def _step(
         # The row's costs were stored a moment ago: unaligned loads, as `advance` makes, would wait
         # for them.
         after = load(row, e + LANES)
-        rise = rise_over(
+        increment = path_cost_increment(
             here, minimum(lanes_below(before, here), lanes_above(here, after)), row_bounds, matching
         )
         before, here = here, after
-        store(row, e, cost + rise)
-        row_lowest = minimum(row_lowest, cost + rise)
+        store(row, e, cost + increment)
+        row_lowest = minimum(row_lowest, cost + increment)
         more, column_lowest = advance(
             behind.path_costs,
             column_start + e,
@@ -154,39 +162,39 @@ def _step(
             column_lowest,
             matching,
         )
-        rise = rise + more
+        increment = increment + more
         if paths == 8:
-            more, falling_lowest = advance(
+            more, diagonal_lowest = advance(
                 behind.path_costs,
-                falling_from + e,
-                falling_bounds,
+                diagonal_from + e,
+                diagonal_bounds,
                 ahead.path_costs,
-                falling_to + e,
+                diagonal_to + e,
                 cost,
-                falling_lowest,
+                diagonal_lowest,
                 matching,
             )
-            rise = rise + more
-            more, rising_lowest = advance(
+            increment = increment + more
+            more, antidiagonal_lowest = advance(
                 behind.path_costs,
-                rising_from + e,
-                rising_bounds,
+                antidiagonal_from + e,
+                antidiagonal_bounds,
                 ahead.path_costs,
-                rising_to + e,
+                antidiagonal_to + e,
                 cost,
-                rising_lowest,
+                antidiagonal_lowest,
                 matching,
             )
-            rise = rise + more
+            increment = increment + more
         if completes:
-            total = total_cost(cost, rise, load(rises, index), paths)
+            total = total_cost(cost, increment, load(increments, index), paths)
             store(totals, index, total)
             store(right_best, x + e, minimum(load(right_best, x + e), total))
             lowest = minimum(lowest, ranked(total, e))
         else:
-            store(rises, index, rise)
-    ahead.floors[column] = smallest(column_lowest)
+            store(increments, index, increment)
+    ahead.minima[column] = smallest(column_lowest)
     if paths == 8:
-        ahead.floors[falling] = smallest(falling_lowest)
-        ahead.floors[rising] = smallest(rising_lowest)
+        ahead.minima[diagonal] = smallest(diagonal_lowest)
+        ahead.minima[antidiagonal] = smallest(antidiagonal_lowest)
     return smallest(row_lowest), first_index(lowest) if completes else 0

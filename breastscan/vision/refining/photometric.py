@@ -23,7 +23,7 @@ NORMAL_DEVIATIONS = 1.4826
 """Standard deviations of a normal distribution in its median absolute value."""
 RENEWED_ABOVE_PX = 0.02
 """After a shorter step, RMS over the object, the normal matrix is kept [px]."""
-LEAST_NOISE = 0.3
+MIN_NOISE = 0.3
 """Grey levels of noise that rounding to 8 bit leaves in any image."""
 
 
@@ -34,7 +34,7 @@ class FitConfig:
     smoothing: float = 7.0
     """Penalty on squared third differences of the coefficients, times the noise variance
     [1/px^2]."""
-    doubtful: float = 2.4
+    robust_scale: float = 2.4
     """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up
     5 % of what normal noise tells): occluded pixels at the object's rim must not pull."""
     iterations: int = 8
@@ -124,7 +124,7 @@ class PhotometricFit:
     noise variance]."""
     gain: float = 1.0
     bias: float = 0.0
-    noise: float = LEAST_NOISE
+    noise: float = MIN_NOISE
     """Standard deviation of left - gain * right(x - d) - bias [grey levels]."""
 
 
@@ -188,7 +188,7 @@ def _step(
     right, slope = images.right_at(field.evaluate(fit.coefficients))
     residual = images.left - fit.gain * right - fit.bias
     noise = noise_of(residual[smooth])
-    weight = smooth * cauchy_weight(residual, config.doubtful * noise)
+    weight = smooth * cauchy_weight(residual, config.robust_scale * noise)
     derivative = fit.gain * slope  # of the residual by d
     smoothing = config.smoothing * noise**2
     factor = fit.factor
@@ -210,7 +210,7 @@ def _step(
 
 def noise_of(residual: Float[np.ndarray, "n"]) -> float:
     """Standard deviation of grey-level differences, most of which are noise [grey levels]."""
-    return max(LEAST_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual))))
+    return max(MIN_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual))))
 
 
 def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:

@@ -24,7 +24,7 @@ CONVERGED_PX = 0.005
 SIGNIFICANT_PX, SIGNIFICANT_SIGMAS = 0.02, 4.0
 """A smaller shift, or one that is less certain, is none: to resample the image would cost more than
 it mends."""
-DOUBTFUL = 2.4
+ROBUST_SCALE = 2.4
 """A residual of this many deviations of the noise counts half."""
 RIDGE = 1e-6
 
@@ -131,14 +131,14 @@ def _change(
     residual = (levels.left - gain * value - bias)[inside]
     noise = noise_of(residual)
     x, y = (levels.column - disparity)[inside], (levels.row + float(region.top))[inside]
-    middle = x.mean(), y.mean()
+    centre = x.mean(), y.mean()
     size = max(float(np.ptp(x)), float(np.ptp(y)), 1.0)
     design = (
         gain
         * slope[inside][:, None]
-        * np.stack([np.ones_like(x), (x - middle[0]) / size, (y - middle[1]) / size], 1)
+        * np.stack([np.ones_like(x), (x - centre[0]) / size, (y - centre[1]) / size], 1)
     )
-    weighted = design * cauchy_weight(residual, DOUBTFUL * noise)[:, None]
+    weighted = design * cauchy_weight(residual, ROBUST_SCALE * noise)[:, None]
     information = weighted.T @ design + RIDGE * np.eye(3)
     found = np.linalg.solve(information, weighted.T @ residual)
     sigma = noise * np.sqrt(np.diag(np.linalg.inv(information)))
@@ -147,6 +147,6 @@ def _change(
     )
     shift = RowShift(
         offset=float(found[0]), along_x=float(found[1] / size), along_y=float(found[2] / size),
-        x0=float(middle[0]), y0=float(middle[1]),
+        x0=float(centre[0]), y0=float(centre[1]),
     )  # fmt: skip
     return shift, significant

@@ -26,7 +26,7 @@ def planned() -> Motion:
         points_B=np.array([0.5, 0.0, 0.1]) + 0.05 * outwards,
         normals_B=0.6 * outwards + np.array([0.0, 0.0, 0.8]),
     )
-    return motion.plan(path, X_FP, 0.002, FeedrateLimits(), JointPathConfig())[0]
+    return motion.plan_motion(path, X_FP, 0.002, FeedrateLimits(), JointPathConfig())[0]
 
 
 @pytest.fixture(scope="module")

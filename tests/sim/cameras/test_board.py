@@ -6,7 +6,7 @@ import pytest
 from breastscan.geometry import kinematics, se3
 from breastscan.vision.boards.board import Board, find_shot
 from breastscan.vision.boards.bundle import reprojection
-from sim.cameras.board import X_FBOARD, BoardScene, seen_by_both
+from sim.cameras.board import BoardScene, X_FBoard, seen_by_both
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.held_board import CLEARANCE, PoseConfig, joint_poses
 from sim.cameras.shown_board import ShotConfig, board_poses
@@ -47,7 +47,7 @@ def test_the_arm_reaches_every_pose_without_touching_anything():
     scene, config = BoardScene(SceneConfig(), BOARD, held=True), PoseConfig()
     q = joint_poses(scene, BOARD, config, np.random.default_rng(0))
     clearance = Clearance(cell_of(scene))
-    X_LBoard = se3.inverse(scene.X_BL) @ kinematics.forward(q) @ X_FBOARD
+    X_LBoard = se3.inverse(scene.X_BL) @ kinematics.forward(q) @ X_FBoard
     assert len(q) == config.poses
     assert all(seen_by_both(scene.rig, X, BOARD) for X in X_LBoard)
     assert min(clearance.closest(each).distance for each in q) > CLEARANCE

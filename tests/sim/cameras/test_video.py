@@ -26,8 +26,10 @@ def went(run):
 
 def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissue, went, tmp_path):
     path = tmp_path / "scan.mp4"
-    shares = []
-    render_video(quiet_scene, tissue, went, path, SMALL, lambda share, _: shares.append(share))
+    fractions = []
+    render_video(
+        quiet_scene, tissue, went, path, SMALL, lambda fraction, _: fractions.append(fraction)
+    )
     film = cv2.VideoCapture(str(path))
     frames = []
     while (frame := film.read())[0]:
@@ -35,7 +37,7 @@ def test_video_has_one_frame_for_every_frame_time_of_the_scan(quiet_scene, tissu
     assert len(frames) == 3
     assert frames[0].shape == (160, 240, 3)
     assert frames[0].std() > 20
-    assert shares[-1] == pytest.approx(1)
+    assert fractions[-1] == pytest.approx(1)
 
 
 def test_a_film_that_cannot_be_written_is_refused(quiet_scene, tissue, went, tmp_path):

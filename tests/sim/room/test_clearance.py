@@ -18,7 +18,7 @@ def test_links_that_share_a_joint_do_not_count(quiet_scene):
     assert Clearance(cell_of(quiet_scene)).closest(HOME_Q).distance > 0.02
 
 
-def test_the_least_gap_is_the_closest_pairs(quiet_scene):
+def test_the_minimum_gap_is_the_closest_pairs(quiet_scene):
     clearance = Clearance(cell_of(quiet_scene))
     q = HOME_Q + np.random.default_rng(0).uniform(-0.4, 0.4, (5, 6))
     np.testing.assert_allclose(clearance(q), [clearance.closest(row).distance for row in q])

@@ -58,7 +58,7 @@ def _onto_skin(phantom: Phantom, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndar
     """Mid-edge nodes lie a little below the smooth skin, on their straight edge; the probe meets
     the skin.
     """
-    ball = phantom.unembed(p_S)
+    ball = phantom.inverse_map(p_S)
     return phantom.embed(ball / np.linalg.norm(ball, axis=1, keepdims=True))
 
 
@@ -86,5 +86,7 @@ def _signed_distance(
     face: ProbeFace, X_SP: Float[np.ndarray, "4 4"], p_S: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
     """Distance of points in S to the face [m] and its gradient."""
-    found = np.array([distance(face.numbers(), *p_P) for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]])
+    found = np.array(
+        [distance(face.parameters(), *p_P) for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
+    )
     return found[:, 0], found[:, 1:] @ X_SP[:3, :3].T

@@ -14,7 +14,7 @@ def loop_pose(phantom: Phantom, azimuth: float, depth: float) -> Float[np.ndarra
     undeformed skin.
     """
     p_S = _loop_point(phantom, azimuth)
-    inward_S = -phantom.normal(phantom.unembed(p_S[None]))[0]
+    inward_S = -phantom.normal(phantom.inverse_map(p_S[None]))[0]
     along_S = np.cross([0.0, 0.0, 1.0], inward_S)
     along_S /= np.linalg.norm(along_S)
     X_SP = np.eye(4)

@@ -54,18 +54,18 @@ def test_normals_are_the_gradient_of_the_implicit_function(phantom):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_unembed_inverts_embed_throughout_the_volume(seed):
+def test_inverse_map_inverts_embed_throughout_the_volume(seed):
     phantom = Phantom(PhantomConfig(seed=seed))
     ball = np.random.default_rng(seed).uniform(-1, 1, (2000, 3))
     ball = ball[np.linalg.norm(ball, axis=1) <= 1] * [1, 1, 0.5] + [0, 0, 0.25]
-    np.testing.assert_allclose(phantom.unembed(phantom.embed(ball)), ball, atol=1e-12)
+    np.testing.assert_allclose(phantom.inverse_map(phantom.embed(ball)), ball, atol=1e-12)
 
 
 def test_the_half_height_loop_is_a_level_ring_that_leans_as_a_supine_breast_does(phantom):
     loop_S = phantom.level_loop(phantom.height / 2, 720)
     np.testing.assert_allclose(loop_S[:, 2], 0.0275, atol=1e-12)
     np.testing.assert_allclose(phantom.level(loop_S), 0, atol=1e-12)
-    tilt_deg = np.degrees(np.arccos(phantom.normal(phantom.unembed(loop_S))[:, 2]))
+    tilt_deg = np.degrees(np.arccos(phantom.normal(phantom.inverse_map(loop_S))[:, 2]))
     assert 35 < tilt_deg.min() < tilt_deg.max() < 60
     with pytest.raises(ValueError, match="no contour"):
         phantom.level_loop(0.06, 100)
@@ -150,7 +150,7 @@ def test_impossible_phantoms_are_refused(wrong, why):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"gland_share": 1.0},
+        {"gland_fraction": 1.0},
         {"gland_ratio": -3.0},
         {"mass_ratio": 0.0},
         {"mass_radius": -0.01},
@@ -180,8 +180,8 @@ def test_the_texture_holds_no_detail_finer_than_the_camera_can_see(skin_texture)
 
 
 def test_the_areola_is_darker_than_the_skin_around_it(skin_texture):
-    middle = TEXTURE_SIZE_PX // 2
-    areola = skin_texture[middle - 50 : middle + 50, middle - 50 : middle + 50].mean()
+    centre = TEXTURE_SIZE_PX // 2
+    areola = skin_texture[centre - 50 : centre + 50, centre - 50 : centre + 50].mean()
     assert areola < skin_texture[:300].mean() - 30
 
 

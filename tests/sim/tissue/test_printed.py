@@ -44,7 +44,7 @@ def test_the_deepest_point_is_the_one_that_a_search_of_the_skin_finds(phantom, p
     tried.
     """
     rng = np.random.default_rng(0)
-    skin_direction = phantom.unembed(phantom.skin.vertices_S)
+    skin_direction = phantom.inverse_map(phantom.skin.vertices_S)
     for azimuth in rng.uniform(0, 2 * np.pi, 12):
         X_SP = loop_pose(phantom, azimuth, 0.0005)
         X_SP[:3, :3] = X_SP[:3, :3] @ Rotation.from_rotvec(rng.uniform(-0.3, 0.3, 3)).as_matrix()
@@ -61,7 +61,7 @@ def _depths(
 ) -> Float[np.ndarray, "n"]:
     """How deep points lie in the face [m]."""
     return np.array(
-        [-distance(ProbeFace().numbers(), *p_P)[0] for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
+        [-distance(ProbeFace().parameters(), *p_P)[0] for p_P in (p_S - X_SP[:3, 3]) @ X_SP[:3, :3]]
     )
 
 

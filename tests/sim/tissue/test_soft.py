@@ -148,8 +148,8 @@ def test_a_closed_way_without_friction_costs_no_work(phantom, tissue):
     """A square of 4 mm by 4 mm, across and into the tissue, 3 to 7 mm deep."""
     X_SP = loop_pose(phantom, 0.7, 0.005)
     corners = 0.002 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    way = np.concatenate([np.linspace(a, b, 40, endpoint=False) for a, b in pairwise(corners)])
-    places_S = X_SP[:3, 3] + way @ X_SP[:3, 1:3].T
+    offsets = np.concatenate([np.linspace(a, b, 40, endpoint=False) for a, b in pairwise(corners)])
+    places_S = X_SP[:3, 3] + offsets @ X_SP[:3, 1:3].T
     forces_S = np.array([tissue.press(_moved(X_SP, p_S), REST).force_S for p_S in places_S])
     steps_S = np.roll(places_S, -1, axis=0) - places_S
     work = np.einsum("nc,nc->n", (forces_S + np.roll(forces_S, -1, axis=0)) / 2, steps_S)
@@ -159,22 +159,22 @@ def test_a_closed_way_without_friction_costs_no_work(phantom, tissue):
 def test_force_is_continuous_over_micrometres(phantom, tissue):
     X_SP = loop_pose(phantom, 2.0, 0.0055)
     for axis in range(3):
-        way_S = np.arange(200)[:, None] * 2e-6 * X_SP[:3, axis]
+        path_S = np.arange(200)[:, None] * 2e-6 * X_SP[:3, axis]
         force = np.array(
-            [tissue.press(_moved(X_SP, X_SP[:3, 3] + step), REST).force_S for step in way_S]
+            [tissue.press(_moved(X_SP, X_SP[:3, 3] + step), REST).force_S for step in path_S]
         )
         assert np.linalg.norm(np.diff(force, axis=0), axis=1).max() < 0.01
 
 
-@pytest.mark.parametrize("spin_deg", [0, 45, 75, 90])
-def test_force_hardly_ripples_as_the_probe_slides_along_the_loop(phantom, tissue, spin_deg):
+@pytest.mark.parametrize("roll_deg", [0, 45, 75, 90])
+def test_force_hardly_ripples_as_the_probe_slides_along_the_loop(phantom, tissue, roll_deg):
     """At constant depth the force follows the shape slowly; what is faster than 40 mm is the
     mesh.
     """
-    spun = np.eye(4)
-    spun[:3, :3] = Rotation.from_euler("z", spin_deg, degrees=True).as_matrix()
+    rolled = np.eye(4)
+    rolled[:3, :3] = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix()
     azimuths = np.linspace(0, 2 * np.pi, 800, endpoint=False)
-    poses = [loop_pose(phantom, azimuth, 0.0055) @ spun for azimuth in azimuths]
+    poses = [loop_pose(phantom, azimuth, 0.0055) @ rolled for azimuth in azimuths]
     force = np.array([-tissue.press(X_SP, REST).force_S @ X_SP[:3, 2] for X_SP in poses])
     spectrum = np.fft.rfft(force)
     spectrum[:10] = 0
@@ -228,7 +228,7 @@ def test_the_patch_carries_the_force_and_lies_on_the_face(phantom, tissue):
     contact, patch = tissue.press(X_SP, REST), tissue.patch()
     assert patch.pressure @ patch.areas == pytest.approx(np.linalg.norm(contact.force_S), rel=0.03)
     off_the_face = [
-        distance(ProbeFace().numbers(), *p)[0]
+        distance(ProbeFace().parameters(), *p)[0]
         for p in (patch.points_S - X_SP[:3, 3]) @ X_SP[:3, :3]
     ]
     assert np.abs(off_the_face).max() < 5e-4
@@ -247,19 +247,22 @@ def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, complia
         [0, np.cos(tilt), -np.sin(tilt)],
         [0, np.sin(tilt), np.cos(tilt)],
     ]
-    index = find_near(ProbeFace().numbers(), X_SP, surface.vertices_S)
+    index = find_near(ProbeFace().parameters(), X_SP, surface.vertices_S)
     gap = find_gaps(
-        ProbeFace().numbers(), X_SP, surface.vertices_S[index], surface.normals_S[index]
+        ProbeFace().parameters(), X_SP, surface.vertices_S[index], surface.normals_S[index]
     )
     assert np.sum(gap < 0) > 30
     inward = np.arange(0.016, -MARGIN, -5e-5)
     for i, expected in zip(index[gap < 0], -gap[gap < 0], strict=True):
-        way_P = (
+        path_P = (
             surface.vertices_S[i] - inward[:, None] * surface.normals_S[i] - X_SP[:3, 3]
         ) @ X_SP[:3, :3]
-        met = next(k for k, p in enumerate(way_P) if distance(ProbeFace().numbers(), *p)[0] <= 0)
+        met = next(
+            k for k, p in enumerate(path_P) if distance(ProbeFace().parameters(), *p)[0] <= 0
+        )
         steepness = -np.dot(
-            distance(ProbeFace().numbers(), *way_P[met])[1:], surface.normals_S[i] @ X_SP[:3, :3]
+            distance(ProbeFace().parameters(), *path_P[met])[1:],
+            surface.normals_S[i] @ X_SP[:3, :3],
         )
         if steepness > GRAZING:
             assert inward[met] == pytest.approx(expected, abs=6e-5)
@@ -275,7 +278,7 @@ def test_the_deformed_skin_wraps_the_probes_face(phantom, tissue):
     tissue.press(X_SP, REST)
     skin_P = (tissue.deformed_skin() - X_SP[:3, 3]) @ X_SP[:3, :3]
     under_the_face = (np.abs(skin_P) < [0.012, 0.003, 0.004]).all(axis=1)
-    off_the_face = [distance(ProbeFace().numbers(), *p)[0] for p in skin_P[under_the_face]]
+    off_the_face = [distance(ProbeFace().parameters(), *p)[0] for p in skin_P[under_the_face]]
     assert under_the_face.sum() > 50
     assert np.abs(off_the_face).max() < 2.5e-4
 
@@ -295,7 +298,7 @@ def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, 
     monkeypatch.setattr(compliance_cache.platformdirs, "user_cache_path", lambda _name: tmp_path)
     monkeypatch.setattr(soft_module, "SKIN_POINTS", 60)
     phantom, told = Phantom(PhantomConfig(seed=5)), []
-    first = SoftTissue.build(phantom, lambda share, _what: told.append(share))
+    first = SoftTissue.build(phantom, lambda fraction, _what: told.append(fraction))
     assert told[-1] == 1.0
     assert told == sorted(told)
     X_SP = loop_pose(phantom, 0.0, 0.004)
@@ -304,7 +307,7 @@ def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, 
     (file,) = tmp_path.iterdir()
     file.write_bytes(file.read_bytes()[:1000])
     told.clear()
-    SoftTissue.build(phantom, lambda share, _what: told.append(share))
+    SoftTissue.build(phantom, lambda fraction, _what: told.append(fraction))
     assert told[-1] == 1.0
     assert len(list(tmp_path.iterdir())) == 1
 

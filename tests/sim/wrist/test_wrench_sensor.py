@@ -77,17 +77,17 @@ def test_inertia_by_the_speeds_of_two_samples_leaves_what_the_acceleration_chang
     read as contact.
     """
     one = sensor(knows_acceleration=False)
-    w, way = 2 * np.pi * 5.0, 0.005
+    w, amplitude = 2 * np.pi * 5.0, 0.005
     readings = []
     for t in PERIOD * np.arange(500):
-        velocity_W = np.array([0, 0, way * w * np.cos(w * t)])
+        velocity_W = np.array([0, 0, amplitude * w * np.cos(w * t)])
         # that leads to the next speed
-        acceleration_W = np.array([0, 0, -way * w**2 * np.sin(w * (t + PERIOD / 2))])
+        acceleration_W = np.array([0, 0, -amplitude * w**2 * np.sin(w * (t + PERIOD / 2))])
         readings.append(
             one.measure(load_F(REST, REST, DOWN, acceleration_W), DOWN, velocity_W, acceleration_W)
         )
     peak = np.linalg.norm(np.array(readings)[2:, :3], axis=1).max()
-    whole = payload(ANGLE).mass * way * w**2
+    whole = payload(ANGLE).mass * amplitude * w**2
     assert peak == pytest.approx(whole * w * PERIOD, rel=0.1)
     assert peak < 0.07 * whole
 

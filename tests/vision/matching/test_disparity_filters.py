@@ -19,57 +19,57 @@ def patchy(seed: int, shape: tuple[int, int] = (90, 130)) -> np.ndarray:
     coarse = cv2.resize(
         rng.integers(1, 9, (30, 44)).astype(np.uint16), shape[::-1], interpolation=cv2.INTER_NEAREST
     )
-    whole = 40 * coarse + rng.integers(0, 8, shape).astype(np.uint16)
-    whole[rng.random(shape) < 0.2] = UNKNOWN
-    return whole
+    fixed = 40 * coarse + rng.integers(0, 8, shape).astype(np.uint16)
+    fixed[rng.random(shape) < 0.2] = UNKNOWN
+    return fixed
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("step", "smallest"), [(8, 1), (8, 5), (8, 40), (40, 100), (400, 10_000)])
 def test_the_same_patches_go_as_in_opencv(seed, step, smallest):
-    whole = patchy(seed)
-    expected = whole.astype(np.int16)
+    fixed = patchy(seed)
+    expected = fixed.astype(np.int16)
     cv2.filterSpeckles(expected, int(UNKNOWN), smallest - 1, step)
-    remove_speckles(whole, step, smallest)
-    np.testing.assert_array_equal(whole, expected)
+    remove_speckles(fixed, step, smallest)
+    np.testing.assert_array_equal(fixed, expected)
 
 
 def test_a_patch_that_joins_late_counts_as_one():
     """Two arms of a U meet only in their last row."""
-    whole = np.zeros((20, 9), np.uint16)
-    whole[:, 1] = whole[:, 7] = whole[-1, 1:8] = 500
-    remove_speckles(whole, 10, 45)
-    assert (whole > 0).sum() == 45
-    remove_speckles(whole, 10, 46)
-    assert (whole > 0).sum() == 0
+    fixed = np.zeros((20, 9), np.uint16)
+    fixed[:, 1] = fixed[:, 7] = fixed[-1, 1:8] = 500
+    remove_speckles(fixed, 10, 45)
+    assert (fixed > 0).sum() == 45
+    remove_speckles(fixed, 10, 46)
+    assert (fixed > 0).sum() == 0
 
 
 @pytest.mark.parametrize("size", [3, 5])
 def test_median_uses_only_known_neighbours_and_keeps_unknown_pixels(size):
-    whole = np.random.default_rng(3).integers(1, 60_000, (30, 40)).astype(np.uint16)
-    whole[np.random.default_rng(4).random(whole.shape) < 0.2] = UNKNOWN
-    median = median_of_known(whole, size)
-    continued = np.pad(whole, size // 2, mode="edge")
-    for y, x in np.ndindex(whole.shape):
+    fixed = np.random.default_rng(3).integers(1, 60_000, (30, 40)).astype(np.uint16)
+    fixed[np.random.default_rng(4).random(fixed.shape) < 0.2] = UNKNOWN
+    median = median_of_known(fixed, size)
+    continued = np.pad(fixed, size // 2, mode="edge")
+    for y, x in np.ndindex(fixed.shape):
         known = np.sort(continued[y : y + size, x : x + size].ravel())
         known = known[known != UNKNOWN]
-        expected = UNKNOWN if whole[y, x] == UNKNOWN else known[(known.size - 1) // 2]
+        expected = UNKNOWN if fixed[y, x] == UNKNOWN else known[(known.size - 1) // 2]
         assert median[y, x] == expected
 
 
 @pytest.mark.parametrize("size", [1, 3, 5])
 @pytest.mark.parametrize("step", [3, 256])
 def test_mean_is_taken_over_opposite_neighbours_within_the_step(size, step):
-    whole = patchy(7, (40, 70))
-    rise, count = mean_of_like(whole, step, size)
+    fixed = patchy(7, (40, 70))
+    difference_sum, count = mean_of_like(fixed, step, size)
     half = size // 2
-    bordered = np.pad(whole.astype(int), half)
-    for y, x in np.argwhere(whole != UNKNOWN):
+    bordered = np.pad(fixed.astype(int), half)
+    for y, x in np.argwhere(fixed != UNKNOWN):
         window = bordered[y : y + size, x : x + size].ravel()
-        difference = window - int(whole[y, x])
+        difference = window - int(fixed[y, x])
         like = (window != UNKNOWN) & (np.abs(difference) <= step)
         like &= like[::-1]
-        assert (rise[y, x], count[y, x]) == (difference[like].sum(), like.sum())
+        assert (difference_sum[y, x], count[y, x]) == (difference[like].sum(), like.sum())
 
 
 def test_mean_of_a_slope_is_the_slope_even_beside_an_edge():

@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 from breastscan.errors import PerceptionError
-from breastscan.vision.matching.pair_check import check_exposure, check_order
+from breastscan.vision.matching.pair_check import check_exchanged, check_exposure
 
 
-def partly_known(share: float) -> np.ndarray:
+def partly_known(fraction: float) -> np.ndarray:
     disparity = np.full((10, 100), np.nan, np.float32)
-    disparity[:, : int(100 * share)] = 90.0
+    disparity[:, : int(100 * fraction)] = 90.0
     return disparity
 
 
 def test_pair_that_matches_better_the_other_way_round_is_called_exchanged():
     with pytest.raises(PerceptionError, match=r"exchanged: 30 % .* 80 % the other way round"):
-        check_order(partly_known(0.3), partly_known(0.8))
+        check_exchanged(partly_known(0.3), partly_known(0.8))
 
 
 def test_pair_that_is_no_better_the_other_way_round_passes():
-    check_order(partly_known(0.3), partly_known(0.35))
+    check_exchanged(partly_known(0.3), partly_known(0.35))
 
 
 @pytest.mark.parametrize(

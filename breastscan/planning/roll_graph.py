@@ -13,9 +13,9 @@ from jaxtyping import Float
 from breastscan.errors import PlanningError
 from breastscan.geometry import se3
 
-SPINS = 72
+ROLLS = 72
 """Spins of the graph, over the whole turn."""
-SPIN_STEP = 2.0 * np.pi / SPINS
+ROLL_STEP = 2.0 * np.pi / ROLLS
 """Angle between them [rad]."""
 KNEE_SPEED = 0.46
 """Joint speed from which on the cost grows with the eighth power instead of the second [rad/s]."""
@@ -24,7 +24,7 @@ SHIFTS = np.arange(-3, 4)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpinGraph:
+class RollGraph:
     """Joint angles and cost of every node."""
 
     q: Float[np.ndarray, "poses 72 8 6"]
@@ -36,7 +36,7 @@ class SpinGraph:
     largest_step: float
     """Joint change above which two nodes are not joined [rad]: the arm would flip."""
 
-    def least_motion(self) -> tuple[Float[np.ndarray, "poses"], int]:
+    def minimum_motion(self) -> tuple[Float[np.ndarray, "poses"], int]:
         """Spin of each pose [rad], without jumps, and the branch, for the least integral of joint
         motion.
 
@@ -60,15 +60,15 @@ class SpinGraph:
                     "floor: lower the feedrate, free the probe's spin or move the phantom",
                     pose,
                 )
-        spin, branch = np.unravel_index(np.argmin(value), value.shape)
-        return self._trace_back(origins, int(spin), int(branch)), int(branch)
+        roll, branch = np.unravel_index(np.argmin(value), value.shape)
+        return self._trace_back(origins, int(roll), int(branch)), int(branch)
 
     def _edges(self) -> Float[np.ndarray, "steps 7 72 8"]:
         """Joint motion of arriving at each node by each shift; infinite where the arm would
         flip.
         """
         arrivals = self.q[1:]
-        edges = np.empty((len(arrivals), len(SHIFTS), SPINS, arrivals.shape[2]))
+        edges = np.empty((len(arrivals), len(SHIFTS), ROLLS, arrivals.shape[2]))
         for k, shift in enumerate(SHIFTS):
             change = arrivals - np.roll(self.q[:-1], shift, axis=1)
             change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
@@ -76,12 +76,12 @@ class SpinGraph:
             edges[:, k] = np.where(allowed, _motion(change, self.durations[:, None, None]), np.inf)
         return edges
 
-    def _trace_back(self, origins: list[np.ndarray], spin: int, branch: int) -> np.ndarray:
+    def _trace_back(self, origins: list[np.ndarray], roll: int, branch: int) -> np.ndarray:
         shifts = []
         for origin in reversed(origins):
-            shifts.append(SHIFTS[origin[spin, branch]])
-            spin = (spin - shifts[-1]) % SPINS
-        return SPIN_STEP * (spin + np.append(0, np.cumsum(shifts[::-1])))
+            shifts.append(SHIFTS[origin[roll, branch]])
+            roll = (roll - shifts[-1]) % ROLLS
+        return ROLL_STEP * (roll + np.append(0, np.cumsum(shifts[::-1])))
 
 
 def _motion(change: np.ndarray, duration: np.ndarray) -> np.ndarray:
@@ -92,9 +92,9 @@ def _motion(change: np.ndarray, duration: np.ndarray) -> np.ndarray:
     return np.sum(squared * (1.0 + (squared / KNEE_SPEED**2) ** 3), axis=-1) * duration
 
 
-def spun(
-    X_BQ: Float[np.ndarray, "*b 4 4"], spin: Float[np.ndarray, "*b"]
+def rolled(
+    X_BQ: Float[np.ndarray, "*b 4 4"], roll: Float[np.ndarray, "*b"]
 ) -> Float[np.ndarray, "*b 4 4"]:
-    """Poses turned about their own z axis by `spin` [rad]."""
-    axis = np.zeros((*spin.shape, 3))
-    return X_BQ @ se3.from_rotation_vector(axis + spin[..., None] * np.array([0.0, 0.0, 1.0]), axis)
+    """Poses turned about their own z axis by `roll` [rad]."""
+    axis = np.zeros((*roll.shape, 3))
+    return X_BQ @ se3.from_rotation_vector(axis + roll[..., None] * np.array([0.0, 0.0, 1.0]), axis)

@@ -2,7 +2,7 @@
 motion over all of it.
 
 The probe may turn about its own axis, and the arm reaches a pose on up to eight branches. The
-choice is made on poses some millimetres apart (`planning.spin_graph`); its spins are then smoothed.
+choice is made on poses some millimetres apart (`planning.roll_graph`); its spins are then smoothed.
 """
 
 import math
@@ -17,29 +17,29 @@ from scipy.spatial.transform import Rotation
 from breastscan.errors import PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.planning.joint_limits import (
-    OBSTACLES,
+    VIOLATIONS,
     Clearances,
     JointPathConfig,
     elbow_down,
-    obstacles,
+    violations,
 )
-from breastscan.planning.spin_graph import SPIN_STEP, SPINS, SpinGraph, spun
+from breastscan.planning.roll_graph import ROLL_STEP, ROLLS, RollGraph, rolled
 
 GRAPH_SPACING = 0.005
 """Distance of the graph's poses along the path [m]."""
-LEAST_STEPS = 6
+MIN_STEPS = 6
 """Steps of the graph on the shortest path: a quintic curve needs so many."""
 SMOOTHING_POSES = 3.0
 """Width (standard deviation) of the average that takes the graph's steps out of the spin, in poses
 of the graph."""
-LEAST_ACROSS = 0.01
+MIN_SINE = 0.01
 """Least sine of the angle between the direction of travel and the normal."""
-LEAST_COSINE = -0.9
+MIN_COSINE = -0.9
 """Of the angle between a normal and the mean of all: the shortest turn to the opposite is not
 defined."""
-FREE_SPIN = math.pi / 2 - 1e-9
+FREE_ROLL = math.pi / 2 - 1e-9
 """Spin tolerance from which on the array may lie anyhow [rad]."""
-FLOOR_SPARE = 0.005
+FLOOR_MARGIN = 0.005
 """Added to the floor for the graph's poses [m], so that the smoothed spin does not dip below it."""
 LARGEST_STEP = 0.6
 """Joint change from pose to pose above which the arm would flip [rad]."""
@@ -49,10 +49,10 @@ up costs less."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Route:
+class RedundancyResolution:
     """A choice of spin and branch for a path, whatever the time in which it is walked."""
 
-    spin: BSpline
+    roll: BSpline
     """Turn of the probe about its axis [rad], over the share of the path's length."""
     branch: int
     """Index into `kinematics.inverse_branches`."""
@@ -65,17 +65,19 @@ class Route:
     ) -> Float[np.ndarray, "n 4 4"]:
         """Probe poses X_BP along the path."""
         s = _lengths(positions_B)
-        return spun(_unspun_poses(positions_B, normals_B, self.mean_normal_B), self.spin(s / s[-1]))
+        return rolled(
+            _poses_without_roll(positions_B, normals_B, self.mean_normal_B), self.roll(s / s[-1])
+        )
 
 
-def choose(
+def resolve(
     positions_B: Float[np.ndarray, "n 3"],
     normals_B: Float[np.ndarray, "n 3"],
     X_FP: Float[np.ndarray, "4 4"],
     period: float,
     config: JointPathConfig,
     clearances: Clearances | None = None,
-) -> Route:
+) -> RedundancyResolution:
     """The route of least joint motion that keeps clear of every obstacle.
 
     Args:
@@ -90,12 +92,14 @@ def choose(
     Raises:
         PlanningError: Some point cannot be reached, or no route joins the reachable poses.
     """
-    mean_normal_B = normals_B.mean(axis=0) if config.spin_tolerance >= FREE_SPIN else None
-    X_BQ = _unspun_poses(positions_B, normals_B, mean_normal_B)
+    mean_normal_B = normals_B.mean(axis=0) if config.roll_tolerance >= FREE_ROLL else None
+    X_BQ = _poses_without_roll(positions_B, normals_B, mean_normal_B)
     nodes = _graph_poses(_lengths(positions_B))
     graph = _graph(X_BQ[nodes], se3.inverse(X_FP), np.diff(nodes) * period, config)
-    spins, branch = _clear_motion(graph, clearances, config.collision_margin)
-    return Route(spin=_smooth_spin(spins), branch=branch, mean_normal_B=mean_normal_B)
+    rolls, branch = _clear_motion(graph, clearances, config.collision_margin)
+    return RedundancyResolution(
+        roll=_smooth_roll(rolls), branch=branch, mean_normal_B=mean_normal_B
+    )
 
 
 def across_path_poses(
@@ -113,7 +117,7 @@ def across_path_poses(
     z_B = -normals_B
     x_B = np.cross(travel_B, z_B)
     across = np.linalg.norm(x_B, axis=1)
-    if not across.min() > LEAST_ACROSS:
+    if not across.min() > MIN_SINE:
         bad = int(np.argmin(across))
         raise PlanningError(
             f"the path runs along the normal at sample {bad} of {len(positions_B)}: its direction "
@@ -139,7 +143,7 @@ def steady_poses(
     ].as_matrix()
     axis_B = np.cross(R_mean[:, 2], -normals_B)
     cosine = -normals_B @ R_mean[:, 2]
-    if not cosine.min() > LEAST_COSINE:
+    if not cosine.min() > MIN_COSINE:
         bad = int(np.argmin(cosine))
         raise PlanningError(
             f"the normal at sample {bad} of {len(normals_B)} points against the others: check the "
@@ -147,8 +151,8 @@ def steady_poses(
             normals_B[bad],
         )
     W = np.cross(axis_B[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # W v = axis x v
-    turn = np.eye(3) + W + W @ W / (1.0 + cosine)[:, None, None]
-    return se3.pose(turn @ R_mean, positions_B)
+    rotation = np.eye(3) + W + W @ W / (1.0 + cosine)[:, None, None]
+    return se3.pose(rotation @ R_mean, positions_B)
 
 
 def retreated(X_BP: Float[np.ndarray, "*n 4 4"], distance: float) -> Float[np.ndarray, "*n 4 4"]:
@@ -158,7 +162,7 @@ def retreated(X_BP: Float[np.ndarray, "*n 4 4"], distance: float) -> Float[np.nd
     return X_retreated
 
 
-def _unspun_poses(
+def _poses_without_roll(
     positions_B: np.ndarray, normals_B: np.ndarray, mean_normal_B: np.ndarray | None
 ) -> np.ndarray:
     if mean_normal_B is None:
@@ -169,11 +173,11 @@ def _unspun_poses(
 def _lengths(positions_B: np.ndarray) -> np.ndarray:
     """Length of the path up to each sample [m], which must grow."""
     steps = np.linalg.norm(np.diff(positions_B, axis=0), axis=1)
-    if len(steps) < LEAST_STEPS or not steps.min() > 0.0:
+    if len(steps) < MIN_STEPS or not steps.min() > 0.0:
         bad = int(np.argmin(steps)) if len(steps) else 0
         raise PlanningError(
             f"the path stands still at sample {bad + 1} of {len(positions_B)}, or has fewer than "
-            f"{LEAST_STEPS + 1} samples: drop repeated samples",
+            f"{MIN_STEPS + 1} samples: drop repeated samples",
             bad,
         )
     return np.append(0.0, np.cumsum(steps))
@@ -181,30 +185,32 @@ def _lengths(positions_B: np.ndarray) -> np.ndarray:
 
 def _graph_poses(s: np.ndarray) -> np.ndarray:
     """Indices of samples about `GRAPH_SPACING` apart in length `s` [m], both ends among them."""
-    count = max(math.ceil(s[-1] / GRAPH_SPACING), LEAST_STEPS)
+    count = max(math.ceil(s[-1] / GRAPH_SPACING), MIN_STEPS)
     nodes = np.unique(np.searchsorted(s, np.linspace(0.0, s[-1], count + 1)))
     return np.append(nodes[:-1], len(s) - 1)
 
 
 def _graph(
     X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: JointPathConfig
-) -> SpinGraph:
+) -> RollGraph:
     """All spins and branches of the poses, and what it costs to be there."""
-    spins = SPIN_STEP * np.arange(SPINS)
-    X_BP = spun(np.repeat(X_BQ[:, None], SPINS, axis=1), np.broadcast_to(spins, (len(X_BQ), SPINS)))
+    rolls = ROLL_STEP * np.arange(ROLLS)
+    X_BP = rolled(
+        np.repeat(X_BQ[:, None], ROLLS, axis=1), np.broadcast_to(rolls, (len(X_BQ), ROLLS))
+    )
     q = kinematics.inverse_branches(X_BP @ X_PF)
-    strict = replace(config, floor=config.floor + FLOOR_SPARE)
-    against = obstacles(q, strict)
+    strict = replace(config, floor=config.floor + FLOOR_MARGIN)
+    against = violations(q, strict)
     ends = [0, -1]  # from here the probe must come clear of the skin too
     q_clear = kinematics.inverse_branches(retreated(X_BP[ends], config.clearance) @ X_PF)
-    against[:, ends] |= obstacles(q_clear, strict)
+    against[:, ends] |= violations(q_clear, strict)
     # half a turn leaves the array across the path
-    across = np.abs(np.angle(np.exp(2j * spins))) / 2.0
-    turned_away = (across > config.spin_tolerance + 1e-9)[:, None]
-    allowed = ~(against.any(axis=0) | turned_away)
+    across = np.abs(np.angle(np.exp(2j * rolls))) / 2.0
+    beyond_tolerance = (across > config.roll_tolerance + 1e-9)[:, None]
+    allowed = ~(against.any(axis=0) | beyond_tolerance)
     _check_reachable(X_BP, X_PF, against, allowed)
     cost = np.where(allowed, ELBOW_DOWN_COST * elbow_down(q), np.inf)
-    return SpinGraph(q=q, cost=cost, durations=durations, largest_step=LARGEST_STEP)
+    return RollGraph(q=q, cost=cost, durations=durations, largest_step=LARGEST_STEP)
 
 
 def _check_reachable(
@@ -225,7 +231,7 @@ def _check_reachable(
             worst,
         )
     counts = ", ".join(
-        f"{int(o.sum())} {name}" for name, o in zip(OBSTACLES, against[:, worst], strict=True)
+        f"{int(o.sum())} {name}" for name, o in zip(VIOLATIONS, against[:, worst], strict=True)
     )
     raise PlanningError(
         f"{where} has no allowed joint angles; of {allowed[worst].size} candidates, there or just "
@@ -236,7 +242,7 @@ def _check_reachable(
 
 
 def _clear_motion(
-    graph: SpinGraph, clearances: Clearances | None, margin: float
+    graph: RollGraph, clearances: Clearances | None, margin: float
 ) -> tuple[np.ndarray, int]:
     """Spins and branch of least motion whose every pose keeps `margin` [m] from collisions.
 
@@ -244,15 +250,15 @@ def _clear_motion(
     measured for all its nodes, these are barred, and the least motion is sought again.
     """
     while True:
-        spins, branch = graph.least_motion()
+        rolls, branch = graph.minimum_motion()
         if clearances is None:
-            return spins, branch
-        index = np.round(spins / SPIN_STEP).astype(int) % SPINS
+            return rolls, branch
+        index = np.round(rolls / ROLL_STEP).astype(int) % ROLLS
         colliding = np.flatnonzero(
             clearances(graph.q[np.arange(len(graph.q)), index, branch]) < margin
         )
         if len(colliding) == 0:
-            return spins, branch
+            return rolls, branch
         for pose in colliding:
             open_nodes = np.isfinite(graph.cost[pose])
             near = clearances(graph.q[pose][open_nodes]) < margin
@@ -266,13 +272,13 @@ def _clear_motion(
                 )
 
 
-def _smooth_spin(node_spins: np.ndarray) -> BSpline:
+def _smooth_roll(node_rolls: np.ndarray) -> BSpline:
     """Spin over the share of the length: a cubic B-spline whose control vertices are the averaged
     spins of the graph.
 
     It is twice differentiable and stays within the range of its vertices, and so within the spin's
     tolerance.
     """
-    vertices = gaussian_filter1d(node_spins, SMOOTHING_POSES, mode="nearest")
+    vertices = gaussian_filter1d(node_rolls, SMOOTHING_POSES, mode="nearest")
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, len(vertices) - 2), np.ones(3)])
     return BSpline(knots, vertices, 3)
