@@ -3,14 +3,24 @@
 Monogram notation: `X_AB` is the pose of frame B in frame A, so `p_A = transform(X_AB, p_B)`,
 `X_AC = X_AB @ X_BC`, and adjacent letters must match. A vector names its basis last: `n_B`.
 
-| letter | frame | axes |
+| letter | frame | origin and axes |
 |---|---|---|
-| W | world | z up, origin under the robot's base on the table top |
+| W | world | on the table top under the robot's base; z up |
 | B | robot base | as Universal Robots define it, z up |
+| D | a joint | as Denavit and Hartenberg place it, z along the next joint's axis |
+| 6 | joint 6 | rotates with joint 6 |
 | F | tool flange | z out of the flange |
-| P | probe tip | middle of its face; z out of it into tissue, x along the array, y in elevation |
-| L, R | left and right camera | OpenCV: x right, y down, z forward |
-| S | phantom | middle of the breast's base on the chest plate; z along the plate's outward normal |
+| P | probe tip | centre of its face; z out of it into tissue, x along the array, y in elevation |
+| Q | probe tip before its roll | that of P; z that of P |
+| M | mount and probe | their centre of mass; axes of P |
+| T | tool centre point | as the controller is told; P where that is the probe tip |
+| L, R | left and right camera | optical centre; OpenCV: x right, y down, z forward |
+| C | a camera | L or R, or another that is named; axes of OpenCV |
+| G | a camera in OpenGL | that of C; x right, y up, z backward |
+| V | rectified left view | that of L; rows along the baseline |
+| Board | calibration board | first inner corner; x along a row, y along a column, z into it |
+| S | phantom | centre of the breast's base on the chest plate; z along its outward normal |
+| A | any frame | in what holds for all; B and C beside it likewise |
 
 All functions are batched over leading axes. Lengths in metres, angles in radians.
 """

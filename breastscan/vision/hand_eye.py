@@ -221,10 +221,10 @@ def _solve_jointly(
 
 
 def _relative_angles(
-    R_A: Float[np.ndarray, "n 3 3"], R_B: Float[np.ndarray, "n 3 3"]
+    first: Float[np.ndarray, "n 3 3"], second: Float[np.ndarray, "n 3 3"]
 ) -> Float[np.ndarray, "n n"]:
     """Angle between each rotation of the first set and each of the second [rad]."""
-    trace = np.einsum("aij,bij->ab", R_A, R_B)
+    trace = np.einsum("aij,bij->ab", first, second)
     return np.arccos(np.clip((trace - 1) / 2, -1.0, 1.0))
 
 

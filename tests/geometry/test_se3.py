@@ -1,5 +1,9 @@
 """Group laws of poses, and agreement with SciPy's rotations."""
 
+import re
+import tokenize
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +15,12 @@ from breastscan.geometry import se3
 NUMBERS = st.floats(-2.0, 2.0)
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
 POSES = st.tuples(VECTORS, VECTORS).map(lambda parts: se3.from_rotation_vector(*parts))
+ROOT = Path(__file__).parents[2]
+LETTER = "(?:[A-Z]?Board|[A-Z0-9])"
+MONOGRAM = re.compile(
+    rf"_?[XR]_({LETTER}+)(?:_\w+)?"  # a pose or a rotation: X_BP, R_LV
+    rf"|_?[a-z][a-z0-9_]*_({LETTER}{{1,2}})(?:_[a-z0-9_]+)?"  # a vector and its basis: p_B
+)
 
 
 @given(POSES)
@@ -56,3 +66,45 @@ def test_angles_are_exact_near_zero_and_near_pi(angle):
     a = np.array([1.0, 0.0, 0.0])
     b = np.array([np.cos(angle), np.sin(angle), 0.0])
     assert se3.angle_between(a, b) == pytest.approx(angle, abs=1e-15)
+
+
+def letters_of(name: str) -> list[str]:
+    """The frames in the monogram of an identifier; none where it has none."""
+    found = MONOGRAM.fullmatch(name)
+    return re.findall("Board|[A-Z0-9]", found[1] or found[2]) if found else []
+
+
+def frames_in_the_table() -> set[str]:
+    rows = re.findall(r"^\| ([A-Z0-9].*?) \|", se3.__doc__ or "", flags=re.MULTILINE)
+    return {letter for row in rows for letter in row.split(", ")}
+
+
+@pytest.mark.parametrize(
+    ("name", "letters"),
+    [
+        ("X_BP", ["B", "P"]),
+        ("_X_LBoard", ["L", "Board"]),
+        ("X_6F", ["6", "F"]),
+        ("p_BS", ["B", "S"]),
+        ("points_B", ["B"]),
+        ("X_BL_best", ["B", "L"]),
+        ("HOME_Q", []),
+        ("X_joints", []),
+    ],
+)
+def test_a_monogram_is_read_from_a_name(name, letters):
+    assert letters_of(name) == letters
+
+
+def test_every_frame_in_use_stands_in_the_table():
+    known = frames_in_the_table()
+    assert {"W", "B", "L", "R", "Board"} <= known
+    for folder in ("breastscan", "sim", "experiments", "tests"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            with path.open("rb") as file:
+                names = {
+                    t.string for t in tokenize.tokenize(file.readline) if t.type == tokenize.NAME
+                }
+            for name in names:
+                unknown = set(letters_of(name)) - known
+                assert not unknown, f"{path}: {name} names the frame {unknown.pop()}"
