@@ -27,7 +27,7 @@ from breastscan.vision.camera import SHORTEST_BASELINE, StereoRig
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3}
 """How many lengths tell the size of each kind of hull."""
 NOT_RIGID = 1e-6
-"""Most by which a pose's rotation may miss one, entry by entry: rounded files."""
+"""Maximum by which a pose's rotation may miss one, entry by entry: rounded files."""
 
 
 @dataclass(frozen=True, kw_only=True)

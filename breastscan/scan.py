@@ -141,7 +141,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Callable[[float], None]]:
-        """Time the block; it may call what it gets with the share done."""
+        """Time the block; it may call what it gets with the fraction done."""
         self._listener(name, 0.0)
         start = time.perf_counter()
         yield lambda fraction: self._listener(name, fraction)

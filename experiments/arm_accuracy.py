@@ -31,7 +31,8 @@ def along(
     kind: Literal["uncalibrated", "calibrated"],
     seed: int,
 ) -> Accuracy:
-    """Where `ARMS` arms of one kind bring the tip, each commanded by what it tells of itself.
+    """Where `ARMS` arms of one kind bring the tip, each commanded by the calibration that it
+    reports.
 
     Args:
         q: A path of the nominal arm [rad]; where it brings the tip is the plan.
@@ -51,7 +52,9 @@ def along(
 
 
 def _reached(
-    q: np.ndarray, X_BF: np.ndarray, told: KinematicCalibration, true: KinematicCalibration
+    q: np.ndarray, X_BF: np.ndarray, reported: KinematicCalibration, true: KinematicCalibration
 ) -> Float[np.ndarray, "n 4 4"]:
-    """True flange poses of an arm whose joint angles were computed with what is told of it."""
-    return true.forward(told.refined(q, X_BF))
+    """True flange poses of an arm whose joint angles were computed with the calibration that it
+    reports.
+    """
+    return true.forward(reported.refined(q, X_BF))

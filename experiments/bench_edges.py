@@ -2,7 +2,7 @@
 on photographs?
 
 Of the pixels that are matched, and of all once holes are filled from the background. OpenCV's
-eight-path mode rejects doubtful matches as its own sample does. Left columns that no full search
+eight-path mode rejects ambiguous matches as its own sample does. Left columns that no full search
 reaches are left out for both.
 
 `python -m experiments.bench_edges FOLDER ...` measures Middlebury's pairs in these folders as well.
@@ -69,7 +69,7 @@ def pair_rows(name: str, pair: EdgePair) -> list[Row]:
 def wrong_percent(
     disparity: Float32[np.ndarray, "h w"], pair: EdgePair, reach: int
 ) -> dict[str, float]:
-    """Shares of pixels off by more than each of `ERRORS_PX`, without the `reach` columns on the
+    """Fractions of pixels off by more than each of `ERRORS_PX`, without the `reach` columns on the
     left [%].
     """
     searched = np.isfinite(pair.disparity)

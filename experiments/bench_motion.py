@@ -30,7 +30,7 @@ PERIOD = 0.002
 LONG_TURNS = 4
 """Of the path that shows how planning time grows with length."""
 REPEATS = 3
-"""Each time is the least of so many."""
+"""Each time is the minimum of so many."""
 
 Row = tuple[str, float, float, float]
 
@@ -45,7 +45,7 @@ def _row(what: str, own: float, peer: float) -> Row:
 
 
 def _cpu_seconds(work: Callable[[], object]) -> float:
-    """Least CPU time of a few runs, after one that compiles."""
+    """Minimum CPU time of a few runs, after one that compiles."""
     work()
     times = []
     for _ in range(REPEATS):

@@ -128,7 +128,7 @@ def stream(real_time: bool) -> dict[str, str]:
         "a second client's states a second, at 125 and 500 Hz": " / ".join(
             f"{rate:.1f}" for rate in rates
         ),
-        "twin's share of a core, three clients [%]": f"{100 * spent / wall:.0f}",
+        "twin's fraction of a core, three clients [%]": f"{100 * spent / wall:.0f}",
     }
 
 

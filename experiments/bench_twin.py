@@ -26,7 +26,7 @@ Row = tuple[str, float, float, float]
 
 
 def rows() -> list[Row]:
-    """Simulated seconds a second of CPU time on one core, and the shares of what is computed in
+    """Simulated seconds a second of CPU time on one core, and the fractions of what is computed in
     it.
     """
     scene = Scene()

@@ -28,7 +28,7 @@ BOARD_SIDE = 1.8
 """[m]"""
 TEXTURE_PX = 4096
 DOT_SIGMA = 2.2e-3
-"""Width of a dot [m]: 2.7 px in the middle of the image."""
+"""Width of a dot [m]: 2.7 px in the centre of the image."""
 DOT_REACH = 4.5
 """Where a dot ends [sigmas]."""
 SPACING_PX = 40
@@ -39,7 +39,7 @@ a pixel."""
 WINDOW_PX = 13
 """Half the side of what the detector sees."""
 CORNER_FRACTION = 0.85
-"""Share of the outermost dot's radius beyond which a dot is in a corner."""
+"""Fraction of the outermost dot's radius beyond which a dot is in a corner."""
 
 
 @dataclass(frozen=True, kw_only=True)

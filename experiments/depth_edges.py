@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 WALL_PX = 72.0
 """Disparity of the wall [px]."""
 FLOOR_SLOPE = 0.12
-"""Rise of the floor's disparity from row to row [px]."""
+"""Increase of the floor's disparity from row to row [px]."""
 BOARDS = (
     (0.08, 0.30, 0.08, 0.55, 96.0, 1.0),
     (0.35, 0.48, 0.15, 0.85, 118.0, 0.25),
@@ -23,8 +23,8 @@ BOARDS = (
     (0.60, 0.66, 0.35, 0.95, 140.0, 1.0),
     (0.75, 0.96, 0.55, 0.80, 105.3, 0.5),
 )
-"""Left, right, top and bottom as shares of the left image, disparity [px], and contrast over that
-of the wall."""
+"""Left, right, top and bottom as fractions of the left image, disparity [px], and contrast over
+that of the wall."""
 CONTRAST = 22.0
 """Standard deviation of the wall's texture [grey levels]."""
 

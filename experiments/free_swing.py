@@ -16,7 +16,7 @@ from sim.wrist.wrench_sensor import GRAVITY_W
 DURATION = 10.0
 """Length of the swing [s]."""
 START_Q = np.array([0.0, -0.3, 0.4, -1.0, 0.7, 0.0])
-"""Arm stretched out level [rad]: it falls through half a turn."""
+"""Arm stretched out level [rad]: it falls through half a rotation."""
 START_QD = np.array([0.5, 0.0, 0.0, 1.0, 0.0, 2.0])
 """Speeds it is let go with [rad/s]."""
 STEPS_BETWEEN = 5
@@ -36,7 +36,7 @@ class Swing:
 
     @property
     def largest(self) -> float:
-        """Largest drift, either way [-]."""
+        """Largest drift, up or down [-]."""
         return float(np.abs(self.drift).max())
 
 

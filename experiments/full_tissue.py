@@ -29,7 +29,7 @@ NEWTON_STEPS = 40
 TOLERANCE = 1e-4
 """Unbalanced force over contact force at which a step has converged [-]."""
 SHORTEST = 1 / 64
-"""Smallest share of a Newton step that is tried [-]."""
+"""Smallest fraction of a Newton step that is tried [-]."""
 NEAR = (0.045, 0.020, 0.030)
 """Half size, about P, of the box in which skin may touch [m]."""
 
@@ -69,7 +69,7 @@ class FullTissue:
         """Force on the probe in S [N], in equilibrium.
 
         Raises:
-            ArithmeticError: Newton's method does not converge, or an element is turned inside out.
+            ArithmeticError: Newton's method does not converge, or an element is inverted.
         """
         X_SP = np.ascontiguousarray(X_SP)
         residual, blocks, force_S = self._equations(self.displacement_S, X_SP)
@@ -87,9 +87,7 @@ class FullTissue:
                 fraction /= 2
                 if fraction < SHORTEST:  # a contact that jumps makes the residual rise once
                     if not np.isfinite(trial).all():
-                        raise ArithmeticError(
-                            "an element is turned inside out: go deeper in smaller steps"
-                        )
+                        raise ArithmeticError("an element is inverted: go deeper in smaller steps")
                     break
             self.displacement_S = moved
             residual = trial
@@ -216,8 +214,8 @@ def _prolongation(mesh: skfem.MeshTet, free: np.ndarray) -> scipy.sparse.csr_arr
 @numba.njit(cache=True)
 @no_type_check
 def _add_elastic(residual, data, displacement, elements, places, gradients, weights, first, second):
-    """Add the elements' forces and their derivatives; False where an element is turned inside
-    out.
+    """Add the elements' forces and their derivatives; False where an element is
+    inverted.
     """
     P, inverse = np.empty((3, 3)), np.empty((3, 3))
     for e in range(len(elements)):

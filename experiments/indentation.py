@@ -1,4 +1,4 @@
-"""How far is the soft phantom's answer from full finite elements with large deformations, and
+"""How far is the soft phantom's response from full finite elements with large deformations, and
 where does that end?
 """
 

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""Loops, and the MuJoCo arm that walks them: with a fixed or a free spin, the probe straight or
+"""Loops, and the MuJoCo arm that walks them: with a fixed or a free roll, the probe straight or
 bent on the flange.
 """
 
@@ -53,7 +53,7 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class Walk:
-    """One loop with one mount and one freedom of the spin: as planned, and as the MuJoCo arm
+    """One loop with one mount and one freedom of the roll: as planned, and as the MuJoCo arm
     went.
     """
 
@@ -78,11 +78,11 @@ class Walk:
     @property
     def name(self) -> str:
         """What the walk is called in tables and figures."""
-        return f"{self.roll} spin, {self.mount_deg:.0f}° mount"
+        return f"{self.roll} roll, {self.mount_deg:.0f}° mount"
 
 
 def walk(loop: Loop, mount_deg: float, roll: str) -> Walk:
-    """Plan one way to walk a loop, and let the MuJoCo arm go it in free space."""
+    """Plan one joint path along a loop, and let the MuJoCo arm follow it in free space."""
     scene = Scene(
         SceneConfig(mount_angle=float(np.radians(mount_deg)), servo=ServoConfig(lag=False))
     )

@@ -57,7 +57,7 @@ def _from_face(p_P: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
 
 
 def _onto_sphere(mesh: skfem.MeshTet) -> None:
-    """Put what lies on the skin of the half-ball, in place, at distance 1 from its middle."""
+    """Put what lies on the skin of the half-ball, in place, at distance 1 from its centre."""
     facets = np.asarray(mesh.facets)[:, mesh.boundary_facets()]
     skin = np.unique(facets[:, (mesh.p[2][facets] > 1e-12).any(axis=0)])
     mesh.p[:, skin] /= np.linalg.norm(mesh.p[:, skin], axis=0)

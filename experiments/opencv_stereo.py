@@ -13,7 +13,7 @@ SUBPIXELS = 16
 UNIQUENESS_PERCENT = 10
 SPECKLE_PX = 100
 SPECKLE_STEP_PX = 2
-"""How OpenCV's own sample has its matcher reject what is doubtful."""
+"""How OpenCV's own sample has its matcher reject what is ambiguous."""
 
 
 def opencv_matcher(min_disparity: int, num_disparities: int, mode: int) -> cv2.StereoSGBM:
@@ -35,7 +35,7 @@ def opencv_disparity(
     min_disparity: int,
     num_disparities: int,
 ) -> Float32[np.ndarray, "h w"]:
-    """Disparity of its eight-path mode, doubtful matches rejected [px], NaN where unknown."""
+    """Disparity of its eight-path mode, ambiguous matches rejected [px], NaN where unknown."""
     matcher = opencv_matcher(min_disparity, num_disparities, cv2.StereoSGBM_MODE_HH)
     matcher.setUniquenessRatio(UNIQUENESS_PERCENT)
     matcher.setSpeckleWindowSize(SPECKLE_PX)

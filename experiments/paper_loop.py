@@ -23,11 +23,11 @@ TABLE_HEIGHT = -0.105
 LINK_RADIUS = 0.05
 """Half a link above the table, as `JointPathConfig.floor` has it [m]."""
 HEIGHT_FRACTION = 55.0 / 75.0
-"""Height of the dome as a share of its base's radius: the twin's breast."""
+"""Height of the dome as a fraction of its base's radius: the twin's breast."""
 
 
 def vertical() -> Path:
-    """The points with vertical normals: the probe upright all the way."""
+    """The points with vertical normals: the probe upright throughout."""
     return Path(points_B=POINTS_B, normals_B=np.tile([0.0, 0.0, 1.0], (len(POINTS_B), 1)))
 
 
@@ -52,7 +52,7 @@ def dome() -> Path:
 
 
 def unreachable(path: Path, X_FP: Float[np.ndarray, "4 4"], config: JointPathConfig) -> list[str]:
-    """The points of a path that no spin and no branch reaches, each with what stands against it."""
+    """The points of a path that no roll and no branch reaches, each with what it violates."""
     X_BQ = _across_path(path)
     rolls = ROLL_STEP * np.arange(ROLLS)
     across = np.abs(np.angle(np.exp(2j * rolls))) / 2.0

@@ -51,7 +51,7 @@ def write(
         folder: Where to.
         presses: By place.
         others: Forces of other mechanics at `DEPTHS` in the first place [N].
-        slides: By height and spin.
+        slides: By height and roll.
         inclusions: Azimuths [deg] and forces [N] of a slide over each kind of tissue.
     """
     figures = {
@@ -100,7 +100,7 @@ def _slides(
     figure, axes = theme.panels(1, 3, height_in=3.4)
     spectrum, inclusion, breath = axes[0]
     for colour, roll, name in zip(
-        COLOURS, (0, 90), ("array along the way", "array across it"), strict=False
+        COLOURS, (0, 90), ("array along the path", "array across it"), strict=False
     ):
         slide = slides[0.5, roll]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)

@@ -28,7 +28,7 @@ INDENTATION = 0.006
 DAMPING = 3.0
 """Relative rise of the force per speed of indentation [s/m], as in `sim.tissue.soft`."""
 NORMAL_FRACTION = 0.64
-"""Share of a vertical motion along the probe axis, halfway up the breast."""
+"""Fraction of a vertical motion along the probe axis, halfway up the breast."""
 
 Motion = Callable[[float], float]
 

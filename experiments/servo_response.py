@@ -1,4 +1,4 @@
-"""The arm's answer to a ramp and to a step of its joint targets, for settings of servoj."""
+"""The arm's response to a ramp and to a step of its joint targets, for settings of servoj."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -17,7 +17,7 @@ RAMP_SPEED = 0.2
 STEP = 0.005
 """Height of the step [rad]: what servoj takes at once."""
 DURATION = 3.0
-"""Longest that an answer is watched [s]."""
+"""Longest that a response is recorded [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +28,10 @@ class Response:
     ramp_lag: Float[np.ndarray, "6"]
     """Time by which each joint trails the steady ramp [s]."""
     step: Float[np.ndarray, "n 6"]
-    """Way of each joint over the step's height [-]; row k is what `state` tells after the target of
-    period k."""
+    """Travel of each joint over the step's height [-]; row k is what `state` reports after the
+    target of period k."""
     law: Float[np.ndarray, "n"]
-    """The same as servoj asks it of the drives."""
+    """The same as servoj commands it to the drives."""
 
     @property
     def half_time(self) -> Float[np.ndarray, "6"]:
@@ -71,7 +71,7 @@ def sweep() -> list[Response]:
 
 
 def _followed(scene: Scene, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
-    """Ways of the joints that are sent `offsets` [rad] from where the arm is parked."""
+    """Travel of the joints that are sent `offsets` [rad] from where the arm is parked."""
     robot, rows = SimRobot(scene), []
     for offset in offsets:
         robot.servo_joint(HOME_Q + offset)

@@ -144,7 +144,7 @@ def _draw_shading(axis: Axes, scene: Scene) -> None:
     along = np.linspace(0, 1, 400)
     x, y = np.rint(along * (width - 1)).astype(int), np.rint(along * (height - 1)).astype(int)
     axis.plot(np.hypot(width, height) * (along - 0.5), light[y, x], label="corner to corner")
-    axis.set(xlabel="from the middle [px]", ylabel="light [-]", title="shading", ylim=(0, 1.05))
+    axis.set(xlabel="from the centre [px]", ylabel="light [-]", title="shading", ylim=(0, 1.05))
 
 
 def _contrasts(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -199,7 +199,7 @@ def _reconstructions(path: Path, scene: Scene, tissue: SoftTissue) -> dict[str, 
 
 
 def _crop(image: UInt8[np.ndarray, "h w"], title: str) -> UInt8[np.ndarray, "h2 w2"]:
-    """A patch about the middle of the image, enlarged without smoothing."""
+    """A patch about the centre of the image, enlarged without smoothing."""
     centre = np.array(image.shape) // 2
     top, left = centre - CROP_PX // 2
     patch = image[top : top + CROP_PX, left : left + CROP_PX]

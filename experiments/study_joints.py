@@ -1,9 +1,9 @@
-"""How far do the joints swing and how fast, with a fixed and with a free spin of the probe? [Zhang,
+"""How far do the joints swing and how fast, with a fixed and with a free roll of the probe? [Zhang,
 Fig. 19]
 
 The paper watches the joints of a simulated UR5e along its loop and finds joint 6 swinging back and
 forth. Here its own points and the twin's loop are walked by the MuJoCo arm, with the image plane
-across the path or free to turn, and with the probe straight on the flange or bent by 45 degrees.
+across the path or free to roll, and with the probe straight on the flange or bent by 45 degrees.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,8 @@ from sim.scene import PERIOD
 
 
 def run(out: Path, *, seed: int) -> list[Walk]:
-    """Walk every loop in every way; leave figures, `study.md` and `study.json` in `out`.
+    """Walk every loop with every roll and mount; leave figures, `study.md` and `study.json` in
+    `out`.
 
     Args:
         out: Where the results go.
@@ -96,12 +97,12 @@ def _page(walks: list[Walk], fluctuations: list[dict], figures: list[str]) -> It
     for name in figures:
         yield f"\n![{name}]({name}.png)"
     yield "\n## Largest joint speeds [rad/s], joints 1 to 6, walked (planned)\n"
-    yield "| loop | spin, mount | 1 | 2 | 3 | 4 | 5 | 6 | largest | against fixed, straight |"
+    yield "| loop | roll, mount | 1 | 2 | 3 | 4 | 5 | 6 | largest | against fixed, straight |"
     yield "|" + 10 * "---|"
     yield from (_speed_row(walk, walks) for walk in walks)
-    yield "\n## Shares of the limits, planned, and largest acceleration walked\n"
+    yield "\n## Fractions of the limits, planned, and largest acceleration walked\n"
     yield (
-        "| loop | spin, mount | swing of joint 6 | angle | speed | acceleration | jerk | walked "
+        "| loop | roll, mount | swing of joint 6 | angle | speed | acceleration | jerk | walked "
         "rad/s² | change at 1 ms: acceleration, jerk |"
     )
     yield "|" + 9 * "---|"

@@ -71,7 +71,7 @@ class Study:
     """Force of MuJoCo's solid at `DEPTHS` in the first place [N]."""
     convergence: dict[int, np.ndarray]
     slides: dict[tuple[float, int], Slide]
-    """By height and spin."""
+    """By height and roll."""
     builds: dict[str, Build]
 
 
@@ -158,7 +158,7 @@ def _summary(study: Study) -> dict[str, object]:
             str(points): (100 * change).tolist() for points, change in study.convergence.items()
         },
         "ripple_n": {
-            f"height {height}, spin {roll}°": s.ripple for (height, roll), s in study.slides.items()
+            f"height {height}, roll {roll}°": s.ripple for (height, roll), s in study.slides.items()
         },
         "press_ms": 1e3 * float(np.mean([slide.press for slide in study.slides.values()])),
         "build": {
@@ -217,8 +217,8 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
         f"{1e3 * LONGEST_RIPPLE:.0f} mm of wavelength\n"
     )
     yield (
-        "| contour at | force, mean [N] | array along the way [N RMS] | across it | worst spin "
-        "| all spins |"
+        "| contour at | force, mean [N] | array along the path [N RMS] | across it | worst roll "
+        "| all rolls |"
     )
     yield "|---|---|---|---|---|---|"
     for height in HEIGHTS:

@@ -1,6 +1,6 @@
 """Does the twin's arm behave as a UR5e, and its wrist sensor as the one named?
 
-The arm's answer to servoj, its energy when let go, its repetition to the last bit, what its
+The arm's response to servoj, its energy when let go, its repetition to the last bit, what its
 kinematic deviations do to the tip, and what each class of wrist sensor reads.
 """
 

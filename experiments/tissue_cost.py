@@ -28,8 +28,8 @@ FINER = (800, 1600)
 """Finite-element vertices on the skin that the default is held against."""
 PLACES = np.linspace(0, 2 * np.pi, 8, endpoint=False)
 HEIGHTS, ROLLS_DEG = (0.3, 0.5, 0.7), tuple(range(0, 180, 15))
-"""Contours, over the breast's height, and spins of the probe in which it slides along them: at 0
-the array lies along the way, at 90 across it [deg]."""
+"""Contours, over the breast's height, and rolls of the probe in which it slides along them: at 0
+the array lies along the path, at 90 across it [deg]."""
 SLIDE_DEPTH = 0.006
 """About 5 N [m]."""
 SLIDE_STEP = 2.5e-4
@@ -55,7 +55,7 @@ class Slide:
     force: Float[np.ndarray, "n"]
     """Axial force every `SLIDE_STEP` or so [N]."""
     length: float
-    """Of the way [m]."""
+    """Of the path [m]."""
     press: float
     """CPU time of a press [s]."""
 

@@ -1,4 +1,4 @@
-"""How arm and wrist sensor behave, drawn: servoj's answers, energy, arms that deviate, and what
+"""How arm and wrist sensor behave, drawn: servoj's responses, energy, arms that deviate, and what
 sensors read.
 """
 
@@ -55,7 +55,7 @@ def _servo(responses: list[Response]) -> Figure:
         step.plot(milliseconds[shown], response.step[shown, JOINT], color=colour, linewidth=1.6,
                   label=f"{setting[0]:g} s, {setting[1]:.0f}")  # fmt: skip
         step.plot(milliseconds[shown], response.law[shown], **theme.PLANNED_LINE)
-    step.set(xlabel="time [ms]", ylabel="share of the step", ylim=(-0.05, 1.65))
+    step.set(xlabel="time [ms]", ylabel="fraction of the step", ylim=(-0.05, 1.65))
     step.legend(frameon=False, fontsize=8.5, title="lookahead, gain", title_fontsize=8.5)
     theme.title(step, f"A step of {STEP} rad; dashed: what servoj asks for")
     for colour, gain in zip(COLOURS, GAINS, strict=True):
@@ -106,7 +106,7 @@ def _arm(swings: dict[str, Swing], arms: dict[str, Accuracy]) -> Figure:
         )
     tip.set(
         xlabel="mean distance of the true tip from the planned one [mm]",
-        ylabel="share of the arms",
+        ylabel="fraction of the arms",
         xscale="log",
     )
     tip.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
@@ -158,7 +158,7 @@ def _wrist(sensors: list[Readings]) -> Figure:
     )
     drift.set(xlabel="time since the tare [s]", ylabel="force, mean of 1 s [N]")
     spectrum.set(xlabel="frequency [Hz]", ylabel="noise [N²/Hz]")
-    tilt.set(xlabel="force read, nothing touching [N]", ylabel="share of the poses")
+    tilt.set(xlabel="force read, nothing touching [N]", ylabel="fraction of the poses")
     shake.set(xlabel="time [s]", ylabel="force read [N]", ylim=(-0.05, 1.5))
     for axis, text in (
         (drift, "Left alone"),

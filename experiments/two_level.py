@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
 REDUCTION = 1e-3
-"""Share of the right-hand side that is left: an inexact Newton step needs no more [-]."""
+"""Fraction of the right-hand side that is left: an inexact Newton step needs no more [-]."""
 SMOOTHING = 4
 """Degree of the Chebyshev polynomial before and after the coarse level."""
 SPECTRUM = 8.0
@@ -22,7 +22,7 @@ class TwoLevel:
     """Solves symmetric systems of 3x3 blocks, one block row a node."""
 
     def __init__(self, prolongation: scipy.sparse.csr_array) -> None:
-        """Keep the way from the coarse nodes' values to the fine nodes'."""
+        """Keep the map from the coarse nodes' values to the fine nodes'."""
         self._P = scipy.sparse.kron(prolongation, scipy.sparse.eye_array(3), format="csr")
 
     def solve(

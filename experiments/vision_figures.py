@@ -27,7 +27,7 @@ CLOUD_SCALE = 4000.0
 """[px/m]"""
 CLOUD_TILT_DEG = 55.0
 TO_LAMP = np.array([-0.4, -0.5, -0.77])
-"""Unit vector in the turned view: x to the right, y down, z away."""
+"""Unit vector in the rotated view: x to the right, y down, z away."""
 AROUND_PX = 140
 """What the disparity picture shows around the breast [px]."""
 

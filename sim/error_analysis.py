@@ -46,7 +46,7 @@ def surface_metrics(
 ) -> dict[str, float]:
     """Reconstructed points and normals against the true skin.
 
-    Every point counts, also one where no skin is; the density is the share of the pixels seeing
+    Every point counts, also one where no skin is; the density is the fraction of the pixels seeing
     skin that the right camera sees too, that have a point.
     """
     found = np.isfinite(reconstruction.points_L[..., 0])

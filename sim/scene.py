@@ -61,7 +61,7 @@ class SceneConfig:
 
     phantom: PhantomConfig = field(default_factory=PhantomConfig)
     p_BS: tuple[float, float, float] = (0.50, 0.0, 0.08)
-    """Middle of the breast's base in the robot's base frame, at the end of an exhalation [m]."""
+    """Centre of the breast's base in the robot's base frame, at the end of an exhalation [m]."""
     breathing: BreathingConfig = field(default_factory=BreathingConfig)
     rig: Path | None = None
     """Rig file with `X_BL`; None for the one that comes with the package."""

@@ -28,7 +28,7 @@ SHARPEST_RADIUS = 0.015
 """Smallest radius of curvature of the skin, on the nipple [m]: it keeps the search from
 overshooting far outside."""
 RAY_STEP = 0.003
-"""Spacing at which a ray looks for the skin [m]: it may miss what is within .02 mm of the
+"""Spacing at which a ray searches for the skin [m]: it may miss what is within .02 mm of the
 silhouette."""
 BISECTIONS = 30
 OCCLUSION = 1e-3

@@ -9,7 +9,7 @@ from experiments.sections import section
 
 NOMINAL = KinematicCalibration.nominal()
 ELBOW_UP = np.radians([-170.0, -57.0, 80.0, -55.0, -112.0, -49.0])
-"""Far from every singularity at the middle of the path [rad]."""
+"""Far from every singularity halfway along the path [rad]."""
 PATH_POINTS = 200
 """Poses from which the joints are interpolated."""
 

@@ -14,8 +14,8 @@ from breastscan.errors import ConfigError, PerceptionError
 TIMEOUT = 3.0
 """Longest wait for a picture after its trigger [s]."""
 MAX_SKEW = 0.005
-"""Most time between the two triggers [s]: a breathing skin moves at 10 mm/s, which makes .05 mm of
-it."""
+"""Maximum time between the two triggers [s]: a breathing skin moves at 10 mm/s, which makes .05 mm
+of it."""
 SETTINGS = (
     ("PixelFormat", "Mono8"),
     ("TriggerSelector", "FrameStart"),

@@ -10,8 +10,8 @@ from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError, PerceptionError
 
 MAX_SKEW = 0.01
-"""Most time between the two pictures of a pair [s]: a breathing skin moves at 10 mm/s, which makes
-.1 mm of it."""
+"""Maximum time between the two pictures of a pair [s]: a breathing skin moves at 10 mm/s, which
+makes .1 mm of it."""
 CATCH_UP = 30
 """Pictures of the earlier camera that are skipped to come within `MAX_SKEW`; then the two are given
 up."""

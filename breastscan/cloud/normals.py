@@ -38,7 +38,7 @@ def estimate_normals(
 def surface_variation(
     points: Float[np.ndarray, "n 3"], *, radius: float = RADIUS, k: int | None = None
 ) -> Float[np.ndarray, "n"]:
-    """Share of the neighbourhood's spread that lies across the surface: 0 on a plane, growing as
+    """Fraction of the neighbourhood's spread that lies across the surface: 0 on a plane, growing as
     it bends.
     """
     covariances, _ = _covariances(points, points, radius, k)

@@ -28,7 +28,7 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 EDGE_PX = 2
 """How far from its core a bump may grow to its foot [px]."""
 RING_WIDTH = 0.25
-"""Width of the ring around a bump that must be plate, as a share of the bump's own."""
+"""Width of the ring around a bump that must be plate, as a fraction of the bump's own."""
 BUMPS = 5
 """Objects on one plane that are looked at, the largest in the image first."""
 SMALLEST_PX = 2000

@@ -39,7 +39,7 @@ COLUMNS = (
 """Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write
 it."""
 PLATE_QUANTILE = 0.005
-"""Share of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
+"""Fraction of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,8 +27,8 @@ from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
 VIEW_POINTS = 100_000
-"""Most points that a view without a breast is thinned to, along the rows and columns of the
-image."""
+"""Maximum number of points that a view without a breast is thinned to, along the rows and columns
+of the image."""
 VIEW_NEIGHBOURS = 15
 """Points that a normal is taken from there; distances are not known before [-]."""
 

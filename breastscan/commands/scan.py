@@ -76,7 +76,7 @@ def scan(
             process scans.
         cell: File of a robot's cell, cell.json as every scan leaves it; without it, a robot's cell
             is the scene's.
-        camera: Eyes of a robot's scan. twin: the scene's cameras, for a `breastscan twin` of the
+        camera: Cameras of a robot's scan. twin: the scene's cameras, for a `breastscan twin` of the
             same seed and scene. Else folder:DIR, devices:LEFT,RIGHT or
             genicam:CTI_FILE[,SERIAL_LEFT,SERIAL_RIGHT].
         calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of

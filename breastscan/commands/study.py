@@ -34,7 +34,7 @@ def study(name: tyro.conf.Positional[str], /, out: Out | None = None, seed: Seed
     Args:
         name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well
             each force law holds the probe, an hour. joints: what the six joints do along the loop,
-            with fixed and with free spin. phantom: how far its mechanics can be trusted, and what
+            with fixed and with free roll. phantom: how far its mechanics can be trusted, and what
             they cost. twin: how the simulated arm and its wrist sensor behave. weights: what the
             weights of a NURBS curve do.
         out: Folder for study.md, study.json and the figures; by default out/study_NAME.

@@ -32,7 +32,7 @@ def view(
     plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
     scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
 ) -> None:
-    """Scan the phantom with the twin before your eyes, in a window or, with --web, in a browser.
+    """Scan the phantom with the twin live, in a window or, with --web, in a browser.
 
     Args:
         out: Folder for the results, as of `scan`.

@@ -25,7 +25,7 @@ CONVERGED = 1e-12
 LARGEST_STEP = 0.2
 """Largest joint change of a step [rad]: farther away lies another branch."""
 NUDGE = 0.01
-"""How far beyond the nominal arm's reach a solution is looked for [m]: more than any calibration
+"""How far beyond the nominal arm's reach a solution is sought [m]: more than any calibration
 moves the wrist."""
 SAME = 1e-5
 """Joint angles closer together are one solution [rad]."""
@@ -39,10 +39,10 @@ class KinematicCalibration:
     """Where the joint axes of one arm really are, and the kinematics that follow."""
 
     X_joints: Float[np.ndarray, "6 4 4"]
-    """Each joint's frame at angle 0 in the frame that turns with the previous joint; the first one
-    in B [m]."""
+    """Each joint's frame at angle 0 in the frame that rotates with the previous joint; the first
+    one in B [m]."""
     X_6F: Float[np.ndarray, "4 4"]
-    """The flange in the frame that turns with joint 6 [m]."""
+    """The flange in the frame that rotates with joint 6 [m]."""
 
     def __post_init__(self) -> None:
         parked = np.radians([0.0, -90.0, 90.0, -90.0, -90.0, 0.0])
@@ -164,7 +164,7 @@ def _twins(q: np.ndarray) -> np.ndarray:
 @numba.njit(cache=True)
 @no_type_check  # keeps the tests' run-time type checker from wrapping what numba compiles
 def _joint_frames(q, X_joints, X_6F):
-    """Frames in B before each joint turns (their z axes are the joints' axes), and at last the
+    """Frames in B before each joint rotates (their z axes are the joints' axes), and at last the
     flange.
     """
     frames = np.empty((len(q), 7, 4, 4))
@@ -193,7 +193,7 @@ def _flange_jacobian(frames, J):
 @numba.njit(cache=True)
 @no_type_check
 def _pose_error(X, X_goal):
-    """Way and small turn from `X` to the goal, in B."""
+    """Translation and small rotation from `X` to the goal, in B."""
     error = np.empty(6)
     error[:3] = X_goal[:3, 3] - X[:3, 3]
     error[3:] = 0.0
@@ -208,7 +208,7 @@ def _newton_step(frames, X_goal):
     """Joint angles that take the flange to the goal, to first order."""
     J = np.empty((6, 6))
     _flange_jacobian(frames, J)
-    # near a singularity the least step is taken: J may not be invertible there
+    # near a singularity the minimum-norm step is taken: J may not be invertible there
     return J.T @ np.linalg.solve(J @ J.T + 1e-14 * np.eye(6), _pose_error(frames[6], X_goal))
 
 

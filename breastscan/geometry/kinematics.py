@@ -47,7 +47,7 @@ def inverse(X_BF: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k 6"]:
     """All joint angles in (-pi, pi] [rad] that reach one flange pose: none where it is out of
     reach, 8 at most.
 
-    Where the wrist is singular (sin q5 = 0) joints 4 and 6 turn about the same axis; the solution
+    Where the wrist is singular (sin q5 = 0) joints 4 and 6 rotate about the same axis; the solution
     with q6 = 0 stands for all.
     """
     branches = inverse_branches(X_BF)
@@ -75,7 +75,7 @@ def reach_excess(X_BF: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b"]:
 
 
 def singularity_measure(q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b"]:
-    """The least of the three factors that vanish at the arm's singularities, each 1 at best or
+    """The minimum of the three factors that vanish at the arm's singularities, each 1 at best or
     about so.
 
     They are |sin q3| (elbow stretched), |sin q5| (wrist folded) and the distance of the wrist's
@@ -168,7 +168,7 @@ def _wrap(angle):
 @numba.njit(cache=True)
 @no_type_check
 def _shoulder_offset_sine(X):
-    """Sine of the angle by which the lateral offset d4 turns joint 1 from the wrist's azimuth,
+    """Sine of the angle by which the lateral offset d4 rotates joint 1 from the wrist's azimuth,
     and that azimuth.
     """
     x = X[0, 3] - DH_D[5] * X[0, 2]

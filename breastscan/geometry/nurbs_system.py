@@ -15,7 +15,7 @@ from breastscan.errors import PlanningError
 
 DEGREE = 3
 SAME_POINT = 1e-9
-"""Distance of neighbours, as a share of the curve's size, below which they are one point."""
+"""Distance of neighbours, as a fraction of the curve's size, below which they are one point."""
 
 
 def interpolate_closed(points: np.ndarray, u: np.ndarray, weights: np.ndarray) -> BSpline:

@@ -1,7 +1,7 @@
 """Scan paths that cover the whole breast: nested loops, a spiral, radial strokes, parallel strokes
 (raster).
 
-Every path is a sequence of rays from the middle of the breast's foot: the skin meets each of them
+Every path is a sequence of rays from the centre of the breast's foot: the skin meets each of them
 once, near the top as well as low on the side, where neither heights nor places on the plate would
 say where on the skin one is.
 """
@@ -26,11 +26,11 @@ SEED_POINTS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Dome:
-    """A breast's skin, seen from the middle of its foot."""
+    """A breast's skin, seen from the centre of its foot."""
 
     surface: MlsSurface
     centre_B: Float[np.ndarray, "3"]
-    """Middle of the breast on the chest plate, in B [m]."""
+    """Centre of the breast on the chest plate, in B [m]."""
     axes: Float[np.ndarray, "3 3"]
     """Rows in basis B: along the plate towards the robot, across, the plate's normal."""
 
@@ -41,7 +41,7 @@ class Dome:
         plate: Plane,
         config: PatternConfig,
     ) -> "Dome":
-        """The dome over the middle of the loop that `pattern.half_height_loop` finds.
+        """The dome over the centre of the loop that `pattern.half_height_loop` finds.
 
         Raises:
             PlanningError: That loop does not close.
@@ -99,7 +99,7 @@ def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing
         dome: The breast.
         innermost: Where it starts [rad].
         outermost: Where it ends [rad].
-        turns: Number of turns.
+        turns: Number of revolutions.
         spacing: Angle between neighbouring points, seen from the centre [rad].
     """
     _check_polar(np.array([innermost, outermost]))
@@ -116,7 +116,7 @@ def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing
 
 
 def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
-    """Strokes over the top from side to side, evenly turned about the breast's axis.
+    """Strokes over the top from side to side, evenly rotated about the breast's axis.
 
     Args:
         dome: The breast.
@@ -133,7 +133,7 @@ def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path
 
 
 def raster(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
-    """Strokes side by side, to and fro by turns, fanned about an axis through the centre.
+    """Strokes side by side, alternately to and fro, fanned about an axis through the centre.
 
     Args:
         dome: The breast.

@@ -23,13 +23,13 @@ from breastscan.geometry.nurbs import Nurbs
 LOOK_AHEAD_STEPS = 4096
 """Pieces of the curve, equal in length, on which its speed is planned."""
 SLOW_FRACTION = 0.01
-"""Share of the top speed below which the fluctuation is not counted: there rounding of the
+"""Fraction of the top speed below which the fluctuation is not counted: there rounding of the
 coordinates shows."""
 END_PASSES = 8
 """How often the steps are scaled to end on the curve's end, at most: each pass leaves about a
 thousandth."""
 END_TOLERANCE = 1e-13
-"""Where that stops, as a share of the curve."""
+"""Where that stops, as a fraction of the curve."""
 
 Step = Literal["taylor1", "taylor2", "newton"]
 
@@ -152,8 +152,8 @@ def _planned_lengths(curve: Nurbs, limits: FeedrateLimits, period: float) -> np.
 
     An acceleration-limited motion, averaged over a sliding window of time, changes its acceleration
     by 2a over the window at most, so a window of 2a / jerk keeps the jerk limit. The average lags
-    within the window, hence the speed limits are first widened along the curve by the way that a
-    window takes.
+    within the window, hence the speed limits are first widened along the curve by the distance that
+    a window takes.
     """
     window = max(2.0 * limits.acceleration / limits.jerk, period)
     grid = np.linspace(0.0, curve.length, LOOK_AHEAD_STEPS + 1)
@@ -215,14 +215,14 @@ def _end_to_end(curve: Nurbs, steps: np.ndarray, step: Step) -> tuple[np.ndarray
     if not (np.diff(u) > 0.0).all():
         raise PlanningError(
             f"the curve of {curve.length * 1e3:.3g} mm cannot be walked in {len(steps)} steps: it "
-            "stands still or turns back on itself somewhere, so use fewer or other points",
+            "stands still or doubles back on itself somewhere, so use fewer or other points",
             curve.length,
         )
     return u, scale * steps
 
 
 def _chord_error(curve: Nurbs, u: np.ndarray, positions: np.ndarray) -> float:
-    """Distance of the curve at mid-parameter from the middle of the chord, across the chord."""
+    """Distance of the curve at mid-parameter from the centre of the chord, across the chord."""
     chords = np.diff(positions, axis=0)
     offset = curve.evaluate((u[:-1] + u[1:]) / 2.0) - (positions[:-1] + positions[1:]) / 2.0
     along = np.sum(offset * chords, axis=1) / np.maximum(np.sum(chords**2, axis=1), 1e-30)
@@ -234,8 +234,8 @@ def _chord_error(curve: Nurbs, u: np.ndarray, positions: np.ndarray) -> float:
 def _march(breaks, polynomials, steps, second_order, newton):
     """Parameters whose chords have the lengths `steps` [Zhang, Eq. 29, corrected].
 
-    V T_s + A T_s^2 / 2, the way of one period under acceleration A, is the step itself: u' = u +
-    step / |C'| - step^2 (C'.C'') / (2 |C'|^4), then Newton's method on |C(u') - C(u)|^2 = step^2.
+    V T_s + A T_s^2 / 2, the distance of one period under acceleration A, is the step itself: u' = u
+    + step / |C'| - step^2 (C'.C'') / (2 |C'|^4), then Newton's method on |C(u') - C(u)|^2 = step^2.
     """
     u = np.zeros(len(steps) + 1)
     here, there = np.empty((3, 3)), np.empty((3, 3))
@@ -257,7 +257,7 @@ def _march(breaks, polynomials, steps, second_order, newton):
 @numba.njit(cache=True)
 @no_type_check
 def _evaluate(breaks, polynomials, u, span, out):
-    """C, C' and C'' at u into `out`, and the span of u, looked for from `span` on."""
+    """C, C' and C'' at u into `out`, and the span of u, sought from `span` on."""
     while span < len(breaks) - 2 and u >= breaks[span + 1]:
         span += 1
     x = u - breaks[span]

@@ -19,7 +19,7 @@ VIOLATIONS = (
     "too near a singularity",
     "below the floor",
 )
-"""What can stand against a configuration, in the order of `violations`."""
+"""Limits that a configuration can violate, in the order of `violations`."""
 
 RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 """What is limited for each joint, and its unit: the angle and its derivatives."""
@@ -27,7 +27,7 @@ CLEARANCE_EVERY = 50
 """Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and
 500 Hz."""
 SMOOTHING_FRACTION = 0.8
-"""Share of the collision margin that must be left where the smoothed spin leaves the measured
+"""Fraction of the collision margin that must be left where the smoothed roll leaves the measured
 poses."""
 
 
@@ -36,7 +36,7 @@ class Clearances(Protocol):
     """Measures how far the arm and its tool are from themselves and from what stands around."""
 
     def __call__(self, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
-        """The least gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
+        """The minimum gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
         ...
 
 
@@ -54,11 +54,11 @@ class LimitUse:
     value: float
     """What the joint has there, in `unit`."""
     bound: float
-    """What it may have either way, in `unit`."""
+    """What it may have in either direction, in `unit`."""
 
     @property
     def fraction(self) -> float:
-        """Share of the limit that is used; above 1 it is broken."""
+        """Fraction of the limit that is used; above 1 it is broken."""
         return abs(self.value) / self.bound
 
 
@@ -69,9 +69,9 @@ class JointPathConfig:
     """
 
     position_limit: float = 2 * math.pi
-    """Joint angle either way [rad]."""
+    """Joint angle in either direction [rad]."""
     elbow_limit: float = math.pi
-    """Joint 3, either way [rad]."""
+    """Joint 3, in either direction [rad]."""
     speed_limit: float = math.pi
     """Joint speed [rad/s]."""
     acceleration_limit: float = 10.0
@@ -82,15 +82,15 @@ class JointPathConfig:
     position_margin: float = math.radians(5.0)
     """Kept from the position limits [rad]."""
     singularity_margin: float = 0.1
-    """Least `kinematics.singularity_measure`."""
+    """Minimum `kinematics.singularity_measure`."""
     floor: float = 0.05
-    """Least height of elbow, wrist and flange over the base [m]: half a link above the table."""
+    """Minimum height of elbow, wrist and flange over the base [m]: half a link above the table."""
     collision_margin: float = 0.01
-    """Least distance of the arm and its tool from themselves and from what stands around [m], where
-    it is measured."""
+    """Minimum distance of the arm and its tool from themselves and from what stands around [m],
+    where it is measured."""
     roll_tolerance: float = math.pi / 2
-    """How far the array may turn away from lying across the path [rad]: 0 keeps it there, pi / 2
-    and more sets the spin free. Free is the default, because the joints move least; a probe mounted
+    """How far the array may roll away from lying across the path [rad]: 0 keeps it there, pi / 2
+    and more sets the roll free. Free is the default, because the joints move least; a probe mounted
     at 45 degrees stays across the path even so."""
     clearance: float = 0.05
     """Distance from the skin, along the normal, of the poses before and after the path [m]."""
@@ -121,9 +121,9 @@ class JointPathConfig:
 
 
 def violations(q: Float[np.ndarray, "*b 6"], config: JointPathConfig) -> Bool[np.ndarray, "4 *b"]:
-    """Which of `VIOLATIONS` stands against each configuration [rad]; NaN counts as out of reach.
+    """Which of `VIOLATIONS` each configuration [rad] commits; NaN counts as out of reach.
 
-    Only the elbow's position is looked at: the other joints have whole turns to choose from.
+    Only the elbow's position is checked: the other joints have full rotations to choose from.
     """
     heights = kinematics.link_heights(q)[..., 2:]  # from the elbow to the flange
     return np.stack(

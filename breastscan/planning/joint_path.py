@@ -25,10 +25,10 @@ def follow(
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "6"]]:
     """Joint angles that carry the probe tip along a chosen route, its axis against the normals.
 
-    The timing is taken as it is, and limits are not looked at: `planning.motion` does both.
+    The timing is taken as it is, and limits are not checked: `planning.motion` does both.
 
     Args:
-        chosen: Spin and branch.
+        chosen: Roll and branch.
         positions_B: Probe tip at every control period, in B [m].
         normals_B: Outward unit normals of the skin there.
         X_FP: Probe tip in the flange.
@@ -56,7 +56,7 @@ def follow(
             "joints.singularity_margin, or move the phantom",
             bad,
         )
-    q = np.unwrap(q, axis=0)  # no jumps of whole turns, and each joint's range about zero
+    q = np.unwrap(q, axis=0)  # no jumps of full rotations, and each joint's range about zero
     centre = (q.min(axis=0) + q.max(axis=0)) / 2.0
     q -= 2.0 * np.pi * np.round(centre / (2.0 * np.pi))
     return q[1:-1], q[0]

@@ -129,7 +129,7 @@ def plan_motion(
         feed = feedrate.interpolate(path.curve, limits.slowed(slowed), period)
     raise PlanningError(
         "the joints break a limit of speed, acceleration or jerk although the path takes "
-        f"{slowed:.1f} times as long: free the probe's spin, or move the phantom away from the "
+        f"{slowed:.1f} times as long: free the probe's roll, or move the phantom away from the "
         "arm's singularities",
         slowed,
     )

@@ -1,5 +1,5 @@
 """Moving least squares: quadratic patches fitted to a noisy cloud wherever a point of the
-surface is asked for.
+surface is requested.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ QUADRATIC_TERMS = 6
 FEWEST_POINTS = 2 * QUADRATIC_TERMS
 """Points that a patch needs so that its fit still averages noise."""
 OUTLIER_SPREADS = 4.0
-"""Residual, in robust standard deviations, from which a point is not believed."""
+"""Residual, in robust standard deviations, from which a point is an outlier."""
 NORMAL_SPREAD = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution."""
 

@@ -23,7 +23,7 @@ TRACED_POINTS = 60
 SEED_POINTS = 12
 """Points of the cloud, nearest in azimuth, whose mean starts the search for a point of the loop."""
 TOP_FRACTION = 0.01
-"""Share of the points, the highest ones, among which the top of the breast is looked for."""
+"""Fraction of the points, the highest ones, among which the top of the breast is sought."""
 TOP_PATCHES = 40
 """Patches fitted there."""
 TOP_RADIUS = 0.006
@@ -39,11 +39,11 @@ class PatternConfig:
     points: int = 15
     """Points of the loop, evenly spaced [Zhang, Sec. V-B.1]."""
     height_fraction: float = 0.5
-    """Height of the loop as a share of the breast's height above the chest plate."""
+    """Height of the loop as a fraction of the breast's height above the chest plate."""
     patch_radius: float = 0.016
     """Reach of the local fits [m]: greater averages more noise, smaller follows finer shape."""
     largest_gap: float = 0.5
-    """Angle without any point, seen from the middle of the loop, that is bridged [rad]."""
+    """Angle without any point, seen from the centre of the loop, that is bridged [rad]."""
     smallest_radius: float = 0.015
     """Radius below which a loop is not scanned [m]."""
 
@@ -157,7 +157,7 @@ def level_loop(surface: MlsSurface, plate: Plane, height: float, config: Pattern
 
 @dataclass(frozen=True, kw_only=True)
 class _Ring:
-    """The part of the surface around one height, and polar coordinates about its middle."""
+    """The part of the surface around one height, and polar coordinates about its centre."""
 
     surface: MlsSurface
     plate: Plane
@@ -217,7 +217,7 @@ def plate_axes(plate: Plane, centre_B: np.ndarray) -> np.ndarray:
 
 
 def _circle_centre(p_B: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Middle of the circle through the points as the plate sees them: uneven density does not
+    """Centre of the circle through the points as the plate sees them: uneven density does not
     move it.
     """
     local = p_B @ axes.T

@@ -1,8 +1,8 @@
-"""Which spin the probe has along its path, and on which branch the arm follows: the least joint
-motion over all of it.
+"""Redundancy resolution: the roll of the probe about its axis along a path and the branch of the
+inverse kinematics on which the arm follows, for the minimum joint motion over all of it.
 
-The probe may turn about its own axis, and the arm reaches a pose on up to eight branches. The
-choice is made on poses some millimetres apart (`planning.roll_graph`); its spins are then smoothed.
+The probe may roll about its own axis, and the arm reaches a pose on up to eight branches. The
+choice is made on poses some millimetres apart (`planning.roll_graph`); its rolls are then smoothed.
 """
 
 import math
@@ -30,17 +30,18 @@ GRAPH_SPACING = 0.005
 MIN_STEPS = 6
 """Steps of the graph on the shortest path: a quintic curve needs so many."""
 SMOOTHING_POSES = 3.0
-"""Width (standard deviation) of the average that takes the graph's steps out of the spin, in poses
+"""Width (standard deviation) of the average that takes the graph's steps out of the roll, in poses
 of the graph."""
 MIN_SINE = 0.01
-"""Least sine of the angle between the direction of travel and the normal."""
+"""Minimum sine of the angle between the direction of travel and the normal."""
 MIN_COSINE = -0.9
-"""Of the angle between a normal and the mean of all: the shortest turn to the opposite is not
-defined."""
+"""Minimum cosine of the angle between a normal and the mean of all: the shortest rotation to the
+opposite is not defined."""
 FREE_ROLL = math.pi / 2 - 1e-9
-"""Spin tolerance from which on the array may lie anyhow [rad]."""
+"""Roll tolerance from which on every roll is allowed [rad]."""
 FLOOR_MARGIN = 0.005
-"""Added to the floor for the graph's poses [m], so that the smoothed spin does not dip below it."""
+"""Added to the minimum height for the graph's poses [m], so that the smoothed roll does not dip
+below it."""
 LARGEST_STEP = 0.6
 """Joint change from pose to pose above which the arm would flip [rad]."""
 ELBOW_DOWN_COST = 1e3
@@ -50,15 +51,15 @@ up costs less."""
 
 @dataclass(frozen=True, kw_only=True)
 class RedundancyResolution:
-    """A choice of spin and branch for a path, whatever the time in which it is walked."""
+    """The roll and the branch chosen for a path, independent of its timing."""
 
     roll: BSpline
-    """Turn of the probe about its axis [rad], over the share of the path's length."""
+    """Roll of the probe about its axis [rad], over the fraction of the path's length."""
     branch: int
     """Index into `kinematics.inverse_branches`."""
     mean_normal_B: Float[np.ndarray, "3"] | None
-    """A free spin counts from the `steady_poses` about it; None where the spin counts from across
-    the path."""
+    """A free roll is measured from the `steady_poses` about it; None where the roll is measured
+    from across the path."""
 
     def poses(
         self, positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
@@ -78,19 +79,19 @@ def resolve(
     config: JointPathConfig,
     clearances: Clearances | None = None,
 ) -> RedundancyResolution:
-    """The route of least joint motion that keeps clear of every obstacle.
+    """The roll and branch of minimum joint motion that violate no limit and keep clear of the cell.
 
     Args:
         positions_B: Probe tip at every control period, in B [m].
         normals_B: Outward unit normals of the skin there.
         X_FP: Probe tip in the flange.
         period: Control period [s].
-        config: Limits, margins and the freedom of the spin.
+        config: Limits, margins and the freedom of the roll.
         clearances: Measures the arm's distance from itself and its surroundings; None leaves that
             out.
 
     Raises:
-        PlanningError: Some point cannot be reached, or no route joins the reachable poses.
+        PlanningError: Some point cannot be reached, or no joint path joins the reachable poses.
     """
     mean_normal_B = normals_B.mean(axis=0) if config.roll_tolerance >= FREE_ROLL else None
     X_BQ = _poses_without_roll(positions_B, normals_B, mean_normal_B)
@@ -105,11 +106,11 @@ def resolve(
 def across_path_poses(
     positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Probe poses at spin 0: z against the normal, x (the array) across the direction of travel.
+    """Probe poses at roll 0: z against the normal, x (the array) across the direction of travel.
 
     The direction is that of a quintic curve through some of the samples. The path's own tangent has
-    a kink in its rate of turn at every point of a cubic, which would be an unbounded jerk of the
-    joints.
+    a kink in its rate of rotation at every point of a cubic, which would be an unbounded jerk of
+    the joints.
     """
     s = _lengths(positions_B)
     nodes = _graph_poses(s)
@@ -133,10 +134,11 @@ def steady_poses(
     normals_B: Float[np.ndarray, "n 3"],
     mean_normal_B: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Probe poses at spin 0 whatever the direction of travel: the mean pose, turned the shortest
-    way to each normal.
+    """Probe poses at roll 0 whatever the direction of travel: the mean pose, by the shortest
+    rotation to each normal.
 
-    A free spin counts from here, so that the smoothed spin need not undo every wiggle of the path.
+    A free roll is measured from here, so that the smoothed roll need not undo every wiggle of the
+    path.
     """
     R_mean = Rotation.align_vectors(-mean_normal_B[None], np.array([[0.0, 0.0, 1.0]]))[
         0
@@ -193,7 +195,7 @@ def _graph_poses(s: np.ndarray) -> np.ndarray:
 def _graph(
     X_BQ: np.ndarray, X_PF: np.ndarray, durations: np.ndarray, config: JointPathConfig
 ) -> RollGraph:
-    """All spins and branches of the poses, and what it costs to be there."""
+    """All rolls and branches of the poses, and what it costs to be there."""
     rolls = ROLL_STEP * np.arange(ROLLS)
     X_BP = rolled(
         np.repeat(X_BQ[:, None], ROLLS, axis=1), np.broadcast_to(rolls, (len(X_BQ), ROLLS))
@@ -204,7 +206,7 @@ def _graph(
     ends = [0, -1]  # from here the probe must come clear of the skin too
     q_clear = kinematics.inverse_branches(retreated(X_BP[ends], config.clearance) @ X_PF)
     against[:, ends] |= violations(q_clear, strict)
-    # half a turn leaves the array across the path
+    # half a rotation leaves the array across the path
     across = np.abs(np.angle(np.exp(2j * rolls))) / 2.0
     beyond_tolerance = (across > config.roll_tolerance + 1e-9)[:, None]
     allowed = ~(against.any(axis=0) | beyond_tolerance)
@@ -216,7 +218,9 @@ def _graph(
 def _check_reachable(
     X_BP: np.ndarray, X_PF: np.ndarray, against: np.ndarray, allowed: np.ndarray
 ) -> None:
-    """Every pose must have an allowed node; else name the worst one and what stands against it."""
+    """Every pose must have an allowed node; else name the worst one and the limits that it
+    violates.
+    """
     barred = ~allowed.any(axis=(1, 2))
     if not barred.any():
         return
@@ -235,7 +239,7 @@ def _check_reachable(
     )
     raise PlanningError(
         f"{where} has no allowed joint angles; of {allowed[worst].size} candidates, there or just "
-        f"clear of the skin, {counts}, and the rest have the wrong spin: free the spin, tilt the "
+        f"clear of the skin, {counts}, and the rest have the wrong roll: free the roll, tilt the "
         "probe's mount or move the phantom",
         worst,
     )
@@ -244,10 +248,10 @@ def _check_reachable(
 def _clear_motion(
     graph: RollGraph, clearances: Clearances | None, margin: float
 ) -> tuple[np.ndarray, int]:
-    """Spins and branch of least motion whose every pose keeps `margin` [m] from collisions.
+    """Rolls and branch of minimum motion whose every pose keeps `margin` [m] from collisions.
 
-    Distances are measured only where the least motion leads; a pose where it would collide is
-    measured for all its nodes, these are barred, and the least motion is sought again.
+    Distances are measured only along the minimum motion; a pose where it would collide is
+    measured for all its nodes, these are barred, and the minimum motion is sought again.
     """
     while True:
         rolls, branch = graph.minimum_motion()
@@ -266,17 +270,17 @@ def _clear_motion(
             if near.all():
                 raise PlanningError(
                     f"at pose {pose} of {len(graph.q)} along the path the arm comes within "
-                    f"{margin * 1e3:.0f} mm of itself or its surroundings whatever the spin: move "
+                    f"{margin * 1e3:.0f} mm of itself or its surroundings whatever the roll: move "
                     "the phantom, tilt the probe's mount or lower joints.collision_margin",
                     int(pose),
                 )
 
 
 def _smooth_roll(node_rolls: np.ndarray) -> BSpline:
-    """Spin over the share of the length: a cubic B-spline whose control vertices are the averaged
-    spins of the graph.
+    """Roll over the fraction of the length: a cubic B-spline whose control vertices are the
+    averaged rolls of the graph.
 
-    It is twice differentiable and stays within the range of its vertices, and so within the spin's
+    It is twice differentiable and stays within the range of its vertices, and so within the roll's
     tolerance.
     """
     vertices = gaussian_filter1d(node_rolls, SMOOTHING_POSES, mode="nearest")

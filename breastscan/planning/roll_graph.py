@@ -1,7 +1,7 @@
-"""Least joint motion along a path whose spin about the probe's axis is free: a graph, solved by
+"""Minimum joint motion along a path whose roll about the probe's axis is free: a graph, solved by
 dynamic programming.
 
-The graph's nodes are (pose of the path, spin, branch of the inverse kinematics). A branch is never
+The graph's nodes are (pose of the path, roll, branch of the inverse kinematics). A branch is never
 left: between two of them lies a singularity.
 """
 
@@ -14,13 +14,13 @@ from breastscan.errors import PlanningError
 from breastscan.geometry import se3
 
 ROLLS = 72
-"""Spins of the graph, over the whole turn."""
+"""Rolls of the graph, over a full rotation."""
 ROLL_STEP = 2.0 * np.pi / ROLLS
 """Angle between them [rad]."""
 KNEE_SPEED = 0.46
 """Joint speed from which on the cost grows with the eighth power instead of the second [rad/s]."""
 SHIFTS = np.arange(-3, 4)
-"""Spins by which the next pose may differ."""
+"""Rolls by which the next pose may differ."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class RollGraph:
     """Joint angles and cost of every node."""
 
     q: Float[np.ndarray, "poses 72 8 6"]
-    """Joint angles of each pose, spin and branch [rad]; NaN where there is no solution."""
+    """Joint angles of each pose, roll and branch [rad]; NaN where there is no solution."""
     cost: Float[np.ndarray, "poses 72 8"]
     """What it costs to be there; infinite where the arm must not be."""
     durations: Float[np.ndarray, "steps"]
@@ -37,7 +37,7 @@ class RollGraph:
     """Joint change above which two nodes are not joined [rad]: the arm would flip."""
 
     def minimum_motion(self) -> tuple[Float[np.ndarray, "poses"], int]:
-        """Spin of each pose [rad], without jumps, and the branch, for the least integral of joint
+        """Roll of each pose [rad], without jumps, and the branch, for the minimum integral of joint
         motion.
 
         That is the squared joint speed, with joints faster than `KNEE_SPEED` counting steeply more,
@@ -57,7 +57,7 @@ class RollGraph:
                 raise PlanningError(
                     f"no joint path leads from pose {pose - 1} to pose {pose} of {len(self.q)} "
                     "along the path without passing a joint's limit or speed, a singularity or the "
-                    "floor: lower the feedrate, free the probe's spin or move the phantom",
+                    "floor: lower the feedrate, free the probe's roll or move the phantom",
                     pose,
                 )
         roll, branch = np.unravel_index(np.argmin(value), value.shape)
@@ -95,6 +95,6 @@ def _motion(change: np.ndarray, duration: np.ndarray) -> np.ndarray:
 def rolled(
     X_BQ: Float[np.ndarray, "*b 4 4"], roll: Float[np.ndarray, "*b"]
 ) -> Float[np.ndarray, "*b 4 4"]:
-    """Poses turned about their own z axis by `roll` [rad]."""
+    """Poses rotated about their own z axis by `roll` [rad]."""
     axis = np.zeros((*roll.shape, 3))
     return X_BQ @ se3.from_rotation_vector(axis + roll[..., None] * np.array([0.0, 0.0, 1.0]), axis)

@@ -24,7 +24,7 @@ HELD_OUT_EVERY = 5
 FEWEST_SHOTS = 12
 """That may remain."""
 OUTLIER_RATIO, OUTLIER_PX = 4.0, 0.05
-"""A shot is singular when its residual exceeds the median one so many times [-], and so much
+"""A shot is an outlier when its residual exceeds the median one so many times [-], and so much
 [px]."""
 
 
@@ -75,7 +75,7 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
         if outlier is None:
             break
         worst = residuals_px[outlier].max()
-        dropped[used.pop(outlier).name] = f"singular reprojection error, {worst:.2f} px"
+        dropped[used.pop(outlier).name] = f"outlier, reprojection error {worst:.2f} px"
     _check_sides(rig)
     quality = Quality(
         coverage=image_coverage(used, size),

@@ -14,7 +14,7 @@ from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 
 SHORTEST_BASELINE = 1e-3
-"""Distance of two optical centres below which no depth can be told [m]."""
+"""Distance of two optical centres below which no depth can be measured [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ class StereoRig:
     def rectify(
         self, left: UInt8[np.ndarray, "h w"], right: UInt8[np.ndarray, "h2 w2"]
     ) -> RectifiedPair:
-        """Undistort and turn both images until their rows are aligned.
+        """Undistort and rotate both images until their rows are aligned.
 
         Lanczos interpolation: it leaves half the depth error of linear interpolation.
 
@@ -165,7 +165,9 @@ class StereoRig:
 
     @cached_property
     def _rectification(self):
-        """Both remap tables, the common focal length and centre, and the turn of the left view."""
+        """Both remap tables, the common focal length and centre, and the rotation of the left
+        view.
+        """
         size = (self.left.width, self.left.height)
         R1, R2, P1, P2, *_ = cv2.stereoRectify(
             self.left.K, self.left.distortion, self.right.K, self.right.distortion, size,

@@ -141,7 +141,7 @@ def same_end(
 ) -> list[BoardShot]:
     """The shots with their corners counted from the same end of the board.
 
-    One picture does not tell a board's ends apart, but between two shots the board turned by the
+    One picture does not tell a board's ends apart, but between two shots the board rotated by the
     same angle as the flange. How much better each pair of shots fits with like than with unlike
     ends makes a matrix, and the signs of its leading eigenvector are the shots' ends.
     """

@@ -19,7 +19,7 @@ from breastscan.vision.matching.sgm_kernels import LARGEST_P2, MAX_DISPARITIES, 
 COARSE_FACTOR, COARSE_WIDTH = 4, 160
 """The coarse pass shrinks the images so many times, but no narrower than this [px]."""
 COARSE_TAIL = 0.002
-"""Share of the coarse disparities at either end that may be matches by chance."""
+"""Fraction of the coarse disparities at either end that may be matches by chance."""
 COARSE_MARGIN = 2
 """Coarse pixels added to the range at either end: what is too small to be seen there, and what ends
 a range."""
@@ -140,7 +140,7 @@ def disparity_range(
 
 
 def _whole_lanes(count: int) -> int:
-    """The least multiple of `LANES` that is `count` or more, and not 0."""
+    """The smallest multiple of `LANES` that is `count` or more, and not 0."""
     return max(-(-count // LANES), 1) * LANES
 
 

@@ -23,7 +23,7 @@ BACKING = 0.004
 ROD_RADIUS = 0.008
 """[m]"""
 X_FBoard = se3.pose(np.eye(3), np.array([-0.275, -0.05, 0.12]))
-"""The held board in the flange: beside the probe, its face turned back along the arm, up when the
+"""The held board in the flange: beside the probe, its face rotated back along the arm, up when the
 flange looks down."""
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 """Successive multiples of this spread evenly over the circle [rad]."""
@@ -128,7 +128,7 @@ def _backing(board: Board) -> trimesh.Trimesh:
 
 
 def _bracket(board: Board) -> trimesh.Trimesh:
-    """A rod behind the middle of the board, and a post from it back to the flange."""
+    """A rod behind the centre of the board, and a post from it back to the flange."""
     x, y, _ = board.centre
     axis_x, behind = -X_FBoard[0, 3], BACKING + ROD_RADIUS
     rod = along(barrel(ROD_RADIUS, axis_x - x, 0.001), (1.0, 0.0, 0.0), (x, y, behind))
@@ -141,8 +141,8 @@ def _bracket(board: Board) -> trimesh.Trimesh:
 def tilted(
     number: int, tilt_deg: tuple[float, float], rng: np.random.Generator
 ) -> Float[np.ndarray, "4 4"]:
-    """A tilt about an axis that goes round from shot to shot, after a small turn about the line
-    of sight.
+    """A tilt about an axis that goes round from shot to shot, after a small rotation about the
+    line of sight.
     """
     axis = number * GOLDEN_ANGLE
     tilt = np.radians(rng.uniform(*tilt_deg)) * np.array([np.cos(axis), np.sin(axis), 0.0])
@@ -151,7 +151,7 @@ def tilted(
 
 
 def centred(board: Board) -> Float[np.ndarray, "4 4"]:
-    """The board in a frame at its middle."""
+    """The board in a frame at its centre."""
     return se3.pose(np.eye(3), -board.centre)
 
 

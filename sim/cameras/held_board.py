@@ -26,7 +26,7 @@ from sim.scene import HOME_Q, SceneConfig
 TRIES = 200
 """Places drawn for one tilt until the arm reaches it freely and both cameras see the board."""
 CLEARANCE = 0.02
-"""Least gap between the arm and its surroundings [m]."""
+"""Minimum gap between the arm and its surroundings [m]."""
 JOINT_SPEED, JOINT_ACCELERATION = 1.0, 2.0
 """Of the moves from pose to pose [rad/s, rad/s^2]."""
 FACE_UP = se3.from_rotation_vector(np.array([0.0, np.pi, 0.0]), np.zeros(3))
@@ -40,7 +40,7 @@ class PoseConfig:
     poses: int = 36
     """Poses [-]."""
     place: tuple[float, float, float] = (0.50, 0.0, 0.21)
-    """Middle of the board's places in B [m]: above where the breast will be."""
+    """Centre of the board's places in B [m]: above where the breast will be."""
     reach: tuple[float, float, float] = (0.06, 0.06, 0.06)
     """How far the places spread about it [m]."""
     tilt_deg: tuple[float, float] = (15.0, 30.0)

@@ -17,7 +17,7 @@ X_CG = np.diag([1.0, -1.0, -1.0, 1.0])
 """MuJoCo's camera (y up, looking along -z) in OpenCV's (y down, looking along +z)."""
 UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 FIELD_FRACTION = 0.99
-"""Share of the polynomial's turning radius that is used: closer to it, its inverse is too steep to
+"""Fraction of the polynomial's turning radius that is used: closer, its inverse is too steep to
 compute."""
 OUTSIDE_PX = -1000.0
 INTERPOLATION_MARGIN = 5

@@ -23,13 +23,13 @@ from sim.cameras.camera_errors import CameraConfig
 from sim.scene import SceneConfig
 
 GRID_COLUMNS, GRID_ROWS = 6, 5
-"""Places in the image that the board's middle visits in turn."""
+"""Places in the image that the board's centre visits in turn."""
 JITTER = 0.35
 """How far it may miss a place, in steps of the grid [-]."""
 TRIES = 1000
 """Poses drawn for one place until both cameras see the whole board ..."""
 INWARDS = 0.02
-"""... each a little nearer to the middle of the image, by this share of the way [-]."""
+"""... each a little nearer to the centre of the image, by this fraction of the distance [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class ShotConfig:
     shots: int = 30
     """Pairs of pictures [-]."""
     distance: tuple[float, float] = (0.33, 0.48)
-    """From the camera to the middle of the board [m]: farther, and the table is in the way."""
+    """From the camera to the centre of the board [m]: farther, and the table is in the way."""
     tilt_deg: tuple[float, float] = (20.0, 45.0)
     """Between the line of sight and the board's normal [deg]."""
     camera: CameraConfig = field(default_factory=lambda: CameraConfig(supersampling=3))

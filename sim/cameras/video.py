@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
-"""The scan as a film and as stills: the arm at work, the skin giving way, a close-up in the
+"""The scan as a film and as stills: the arm at work, the skin yielding, a close-up in the
 corner.
 """
 
@@ -41,7 +41,7 @@ class Viewpoint:
     """A camera looking at a point."""
 
     target_B: tuple[float, float, float]
-    """Point in the middle of the picture [m]."""
+    """Point in the centre of the picture [m]."""
     distance: float
     """[m]"""
     azimuth_deg: float
@@ -103,7 +103,7 @@ def render_video(
         went: What happened, the true force in it.
         path: File to write, ending in .mp4.
         config: Size and pace.
-        progress: Told the share done (0 to 1) and what is being done.
+        progress: Told the fraction done (0 to 1) and what is being done.
 
     Raises:
         ConfigError: The file cannot be written, or no OpenGL is usable.

@@ -68,7 +68,7 @@ class Clearance:
         self._pairs = [*product(moving, surroundings), *apart]
 
     def __call__(self, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
-        """The least gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
+        """The minimum gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
         return np.array([min(self._distances(row)) for row in q])
 
     def closest(self, q: Float[np.ndarray, "6"]) -> Closest:

@@ -40,7 +40,7 @@ def add_material(
     shine: float = 0.0,
     image: UInt8[np.ndarray, "h w 3"] | None = None,
 ) -> Element:
-    """A material of one colour or with a picture; `shine` is its specular share."""
+    """A material of one colour or with a picture; `shine` is its specular fraction."""
     texture = (
         None if image is None else root.asset.add("texture", name=name, type="2d", file=_png(image))
     )
@@ -52,7 +52,7 @@ def add_material(
 def add_materials(
     root: Element, looks: dict[str, tuple[tuple[float, float, float, float], float]]
 ) -> None:
-    """Materials of one colour by name, each with its specular share."""
+    """Materials of one colour by name, each with its specular fraction."""
     for name, (rgba, shine) in looks.items():
         add_material(root, name, rgba, shine)
 

@@ -1,6 +1,6 @@
 """Procedural shapes: lathed housings, caps and tubes, lofts along a curve.
 
-All lengths in metres. Turned shapes have their axis along z and start at z = 0.
+All lengths in metres. Shapes of revolution have their axis along z and start at z = 0.
 """
 
 from typing import cast
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 
 SECTIONS = 64
-"""Facets around every turned shape: its silhouette then departs from a circle by .1% of the
+"""Facets around every shape of revolution: its silhouette then departs from a circle by .1% of the
 radius."""
 
 Point = tuple[float, float, float]
@@ -21,12 +21,12 @@ MINUS_X = (-1.0, 0.0, 0.0)
 MINUS_Y = (0.0, -1.0, 0.0)
 MINUS_Z = (0.0, 0.0, -1.0)
 Profile = list[tuple[float, float]]
-"""Outline (radius, height) [m] of a turned shape, from the axis at the bottom to the axis at the
-top."""
+"""Outline (radius, height) [m] of a shape of revolution, from the axis at the bottom to the axis at
+the top."""
 
 
 def lathe(profile: Profile) -> trimesh.Trimesh:
-    """The outline turned about z."""
+    """The outline revolved about z."""
     return trimesh.creation.revolve(np.array(profile), sections=SECTIONS)
 
 
@@ -122,7 +122,7 @@ def moved(mesh: trimesh.Trimesh, X_AB: Float[np.ndarray, "4 4"]) -> trimesh.Trim
 
 
 def along(mesh: trimesh.Trimesh, axis: Point, start: Point) -> trimesh.Trimesh:
-    """A turned shape with its axis laid along the unit vector `axis` from `start` [m]."""
+    """A shape of revolution with its axis laid along the unit vector `axis` from `start` [m]."""
     z = np.array(axis, float)
     helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.9 else np.array([0, 1.0, 0])
     x = np.cross(helper, z)

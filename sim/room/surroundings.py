@@ -26,7 +26,7 @@ PLATE_ROUNDING = 0.045
 """Radius of the chest plate's shoulders [m]."""
 STANDING_ROOM_X = (0.30, 0.78)
 STANDING_ROOM_Y = (-0.27, 0.27)
-"""Where the middle of the chest plate may stand without touching the robot, the stand or the
+"""Where the centre of the chest plate may stand without touching the robot, the stand or the
 table's edge, in B [m]."""
 POST_X, POST_RADIUS = 1.03, 0.022
 """The camera stand's post, behind the phantom and outside both cameras' view [m]."""
@@ -75,8 +75,8 @@ def add_chest(
 
     Args:
         root: The description to add to.
-        p_BS: Middle of the breast's base [m].
-        image: Looks of the plate; None where only its shape counts.
+        p_BS: Centre of the breast's base [m].
+        image: Texture of the plate; None where only its shape counts.
 
     Returns:
         The plate's body, whose frame is S. It is the first of the mocap bodies: breathing moves it.

@@ -1,5 +1,5 @@
-"""How the skin gives: its displacement everywhere for a unit load anywhere, by quadratic finite
-elements.
+"""The compliance of the skin: its displacement everywhere for a unit load anywhere, by quadratic
+finite elements.
 
 The phantom is linear elastic and clamped on the chest plate. The loads are pressures that are 1 at
 one vertex of the skin and fall to 0 at its neighbours, directed along the vertex's inward normal.
@@ -48,7 +48,7 @@ class SkinCompliance:
     [m/N]; symmetric, and smooth on the diagonal too."""
 
     def scaled(self, factor: float) -> "SkinCompliance":
-        """That of a body of the same shape, `factor` times as large: it gives less by as much,
+        """That of a body of the same shape, `factor` times as large: it is stiffer by as much,
         for the same force.
         """
         return replace(
@@ -72,7 +72,7 @@ def compute_compliance(
     Args:
         phantom: The shape, Poisson's ratio and the layers.
         skin_points: About how many vertices to put on the skin.
-        progress: Told the share done (0 to 1) and what is being done.
+        progress: Told the fraction done (0 to 1) and what is being done.
     """
     tell = progress or (lambda _fraction, _what: None)
     tell(0.0, "meshing the tissue")
@@ -205,8 +205,8 @@ def _inward(
 ) -> Float[np.ndarray, "n n"]:
     """Inward displacement of vertex i for 1 N of load j [m/N].
 
-    A point answers to a spread load, so Maxwell's reciprocity is kept to the order of the mesh
-    only; the contact needs it exactly to conserve energy, so what is made of this is made
+    A point is displaced by a distributed load, so Maxwell's reciprocity is kept to the order of the
+    mesh only; the contact needs it exactly to conserve energy, so what is made of this is made
     symmetric.
     """
     return -np.einsum("jic,ic->ij", response_S, normals_S)

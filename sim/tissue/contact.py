@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 FRICTION_SPEED = 2e-3
 """Sliding speed beyond which friction is fully there [m/s]; it keeps the force smooth when the
-motion turns."""
+motion reverses."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class Contact:
     vertices: int
     """Points of the skin that touch the probe."""
     centre_S: Float[np.ndarray, "3"]
-    """Middle of the contact, weighted by pressure [m]; P itself where nothing touches."""
+    """Centre of the contact, weighted by pressure [m]; P itself where nothing touches."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class ContactPatch:
 
 @runtime_checkable
 class Mechanics(Protocol):
-    """How the phantom answers the probe. It remembers the last press."""
+    """Contact mechanics of the phantom under the probe. It remembers the last press."""
 
     def press(self, X_SP: Float[np.ndarray, "4 4"], velocity_S: Float[np.ndarray, "3"]) -> Contact:
         """Press the probe, held at `X_SP` and moving with `velocity_S` [m/s] over the phantom,
@@ -72,10 +72,10 @@ def with_motion(elastic_S, torque_S, arm_S, velocity_S, damping, friction):
     """Force on the probe [N] and torque about its tip [N m], where it moves, from those of the
     elastic contact alone.
 
-    Hunt and Crossley's damping raises the force by the share `damping` [s/m] per speed of
+    Hunt and Crossley's damping raises the force by the fraction `damping` [s/m] per speed of
     indentation while the probe goes in and lets it fall while it comes out, never below zero: the
     skin does not pull [Hunt]. Coulomb's friction of the gel acts across it, smoothed around rest.
-    Both act in the contact's middle, `arm_S` [m] from the tip.
+    Both act in the contact's centre, `arm_S` [m] from the tip.
     """
     force, torque = elastic_S.copy(), torque_S.copy()
     magnitude = math.sqrt(elastic_S[0] ** 2 + elastic_S[1] ** 2 + elastic_S[2] ** 2)

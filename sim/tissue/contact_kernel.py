@@ -11,17 +11,17 @@ from sim.tissue.complementarity import MARGIN, solve_contact
 from sim.wrist.probe_face import components_P, distance
 
 REACH = 0.030
-"""Deepest penetration that is looked for, far beyond where linear elasticity holds [m]."""
+"""Deepest penetration that is sought, far beyond where linear elasticity holds [m]."""
 BESIDE = 0.004
 """How far beside the face a vertex may lie and yet come to touch it [m]."""
 GAP_TOLERANCE = 1e-9
 """Accuracy of a gap [m]."""
 GRAZING, STEEPEST = 0.5, 0.2
 """Cosines between the skin's inward normal and the face's normal: from the first on, a rounded edge
-gives way ever more in the model, and at the second a vertex cannot touch. So a vertex that slides
+yields ever more in the model, and at the second a vertex cannot touch. So a vertex that slides
 off an edge is let go softly [-]."""
 GRAZING_LIFT = 0.016
-"""How far a vertex gives way to the grazing face by then [m]."""
+"""How far a vertex yields to the grazing face by then [m]."""
 FAR = 1.0
 """Stands for all gaps beyond `MARGIN` that no sliding off an edge explains [m]."""
 NEWTON_STEPS = 12
@@ -42,7 +42,7 @@ def press_skin(
     first,
     second,
 ):
-    """The elastic force on the probe [N], its torque about P [N m], the contact's middle [m], depth
+    """The elastic force on the probe [N], its torque about P [N m], the contact's centre [m], depth
     [m] and vertices.
 
     `load` is overwritten with the vertices' loads [N], `first` and `second` hold what is kept of
@@ -90,7 +90,7 @@ def find_near(face, X_SP, vertices_S):
 @no_type_check
 def find_gaps(face, X_SP, points_S, normals_S):
     """Distance of each point along its normal to the face [m]: negative by how far the skin must
-    give way.
+    yield.
 
     It is inf where the normal misses the face, which it may meet once the skin has moved sideways,
     and FAR where the face is out of reach.
@@ -135,9 +135,9 @@ def _sideways(normals_S, index, load, neighbours, weights, element_response_S):
     """How far the loads move the skin across its normals at the vertices `index`, of those normals
     [m].
 
-    The finite elements answer: [i, j] of `element_response_S` is the displacement of their vertex i
-    for a unit load at j. Loads and displacements pass between them and the skin's vertices by the
-    `weights` of each one's `neighbours`.
+    The response of the finite elements: [i, j] of `element_response_S` is the displacement of their
+    vertex i for a unit load at j. Loads and displacements pass between them and the skin's vertices
+    by the `weights` of each one's `neighbours`.
     """
     on_elements = np.zeros(len(element_response_S))
     for k in range(len(index)):
@@ -187,7 +187,7 @@ def _add_up(total, response, on_elements, loaded):
 @numba.njit(cache=True)
 @no_type_check
 def _resultant(points_S, normals_S, gap, force, p_S):
-    """Force, torque about `p_S`, middle, depth and number of the contact.
+    """Force, torque about `p_S`, centre, depth and number of the contact.
 
     The reaction to the loads on the tissue: they act along the skin's normals, where the skin meets
     the face.

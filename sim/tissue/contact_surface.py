@@ -19,7 +19,7 @@ from sim.tissue.mesh import half_shell
 from sim.tissue.phantom import Phantom
 
 SPACING = 0.0023
-"""Distance of the contact points [m], where the base lies; on top, which is nearer to the middle,
+"""Distance of the contact points [m], where the base lies; on top, which is nearer to the centre,
 it is 1.9 mm. Where a row of points lies along an edge of the probe's face, a slide ripples most: by
 .024 N RMS at 5 N, and by .011 N over all ways to hold the probe (twice the distance: .09 and .03
 N)."""

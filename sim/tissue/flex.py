@@ -40,7 +40,7 @@ DAMPING = 0.01
 PERIOD = 0.002
 """Step of the solid [s]."""
 STRIDE = 1e-4
-"""Longest way of the probe in a step [m]; a press from farther off takes several."""
+"""Longest travel of the probe in a step [m]; a press from farther off takes several."""
 MAX_STEPS = 25
 JUMP = 0.01
 """A probe that has moved farther since the last press comes down along its axis instead, from so
@@ -132,7 +132,7 @@ class FlexTissue:
         )
 
     def patch(self) -> ContactPatch:
-        """The contacts of the last press; an equal share of the skin's triangles belongs to each
+        """The contacts of the last press; an equal part of the skin's triangles belongs to each
         vertex.
         """
         loads = np.linalg.norm(self._forces_S, axis=1)

@@ -1,7 +1,7 @@
-"""How an elastic half-space gives under a spread load, and what a body's flexibility adds to it: a
-smooth remainder.
+"""The compliance of an elastic half-space under a distributed load, and what a body's flexibility
+adds to it: a smooth remainder.
 
-A load's own neighbourhood gives way as a half-space does, whatever the body's shape: the
+A load's own neighbourhood deforms as a half-space does, whatever the body's shape: the
 displacement falls with the inverse distance, too sharply for finite elements [Johnson]. What they
 add, by shape and clamping, is smooth. Nearest to a load they know nothing of it; there the
 remainder is a polynomial through its values all around.
@@ -28,11 +28,11 @@ class Loads:
     """Spread loads on the skin, all of 1 N."""
 
     areas: Float[np.ndarray, "n"]
-    """Force over the pressure in the middle [m^2]."""
+    """Force over the pressure at the centre [m^2]."""
     centres_S: Float[np.ndarray, "n 3"]
-    """Middles of pressure [m]."""
+    """Centres of pressure [m]."""
     moments: Float[np.ndarray, "n"]
-    """Mean square distance of the pressure from its middle [m^2]."""
+    """Mean square distance of the pressure from its centre [m^2]."""
 
 
 def softness(poisson: float) -> float:
@@ -50,7 +50,7 @@ def add_discs(flexibility, points_S, areas, softness):
 
     Args:
         flexibility: Of every point for a load at every other, n x n.
-        points_S: Their middles, n x 3 [m].
+        points_S: Their centres, n x 3 [m].
         areas: Of the discs, n [m^2].
         softness: Of the half-space [m^2].
     """

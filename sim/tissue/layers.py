@@ -30,7 +30,7 @@ class LayerConfig:
     """Tissues inside the breast; the default is one homogeneous tissue without skin."""
 
     gland_fraction: float = 0.0
-    """Size of the glandular core over the breast's, both around the middle of the base [-]; 0 for
+    """Size of the glandular core over the breast's, both around the centre of the base [-]; 0 for
     none."""
     gland_ratio: float = GLAND_YOUNG / FAT_YOUNG
     """Young's modulus of gland over fat's [-]."""
@@ -40,7 +40,7 @@ class LayerConfig:
     mass_radius: float = 0.0
     """Radius of a stiff round mass [m]; 0 for none."""
     mass_p_S: tuple[float, float, float] = (0.03, 0.0, 0.025)
-    """Its middle in the phantom [m]."""
+    """Its centre in the phantom [m]."""
     mass_ratio: float = MASS_YOUNG / FAT_YOUNG
     """Young's modulus of the mass over fat's [-]."""
 

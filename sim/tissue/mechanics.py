@@ -14,11 +14,11 @@ from sim.tissue.soft import SoftTissue
 def build_mechanics(
     phantom: Phantom, progress: Callable[[float, str], None] | None = None
 ) -> Mechanics:
-    """What answers the probe, as the phantom's configuration says.
+    """The contact mechanics that the phantom's configuration names.
 
     Args:
         phantom: Shape and mechanics.
-        progress: Told the share done (0 to 1) and what is being done, where that takes a while.
+        progress: Told the fraction done (0 to 1) and what is being done, where that takes a while.
     """
     if phantom.config.mechanics == "printed":
         return PrintedBreast(phantom)

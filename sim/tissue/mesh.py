@@ -18,9 +18,9 @@ GROWTH = 1.45
 LAYER = 0.8
 """Distance of two shells over the spacing of the outer one's points [-]."""
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-"""Turn between successive points of a Fibonacci spiral [rad]."""
+"""Rotation between successive points of a Fibonacci spiral [rad]."""
 FLAT = 1e-3
-"""A tetrahedron of a smaller volume than this share of its longest edge cubed is a sliver of
+"""A tetrahedron of a smaller volume than this fraction of its longest edge cubed is a sliver of
 coplanar points [-]."""
 
 
@@ -87,7 +87,7 @@ def half_shell(spacing: float, rotation: float) -> Float[np.ndarray, "n 3"]:
 def _drop_slivers(
     points: Float[np.ndarray, "n 3"], tetrahedra: Int[np.ndarray, "m 4"]
 ) -> Int[np.ndarray, "k 4"]:
-    """The tetrahedra that are not flat, each turned to a positive volume."""
+    """The tetrahedra that are not flat, each oriented to a positive volume."""
     a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
     volume = (np.cross(b - a, c - a) * (d - a)).sum(axis=1) / 6
     longest = np.max(

@@ -26,13 +26,13 @@ STEEPEST_QUADRANT = 0.4
 FARTHEST_LEAN = 0.6
 """Farthest shift of the nipple over the base's radius [-]."""
 FLATTEST = 0.25
-"""Largest share of the height that nipple and areola may take [-]."""
+"""Largest fraction of the height that nipple and areola may take [-]."""
 SKIN_RINGS = 72
 """Rings of the fine skin mesh: 1.4 mm edges, so that its facets stay within .01 mm of the smooth
 surface (.04 mm on the nipple)."""
 TEXTURE_SIZE_PX = 2048
 TEXTURE_RIM = 0.49
-"""Distance from the middle of the texture at which the base of the breast lies [image widths]."""
+"""Distance from the centre of the texture at which the base of the breast lies [image widths]."""
 PLATE_SIDE = 0.4
 """Side of the square that `Phantom.plate_texture` covers [m]."""
 
@@ -133,7 +133,7 @@ class Phantom:
         )
 
     def level_loop(self, height: float, count: int) -> Float[np.ndarray, "n 3"]:
-        """Contour of the skin at `height` above the chest plate: `count` points in S [m], turning
+        """Contour of the skin at `height` above the chest plate: `count` points in S [m], running
         about z.
 
         Raises:
@@ -231,7 +231,7 @@ def _check(
     lean: Float[np.ndarray, "2 2"],
     bump: float,
 ) -> None:
-    """Refuse a map that folds, or that leans too far to be looked at and touched from above."""
+    """Refuse a map that folds, or that leans too far to be seen and touched from above."""
     if np.abs(quadrants).max() > STEEPEST_QUADRANT:
         raise ConfigError(
             f"asymmetry {config.asymmetry} makes one half of the breast wider than the other by "

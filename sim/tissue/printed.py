@@ -29,9 +29,9 @@ DAMPING = 10.0
 """Relative rise of the elastic force per speed of indentation [s/m] (Hunt and Crossley):
 rubber's."""
 JUMP = 0.01
-"""A probe that has moved farther since the last press is looked for all over the skin [m]."""
+"""A probe that has moved farther since the last press is sought all over the skin [m]."""
 COARSE_RINGS = 24
-"""Rings of the points among which it is looked for: 4 mm apart."""
+"""Rings of the points among which it is sought: 4 mm apart."""
 STEP = 1e-3
 """Step of the differences on the unit hemisphere [-]."""
 LONGEST_STEP = 0.1
@@ -137,7 +137,7 @@ def deepest_point(parameters, face, X_SP, direction):
 @numba.njit(cache=True)
 @no_type_check
 def _newton_step(parameters, face, X_SP, direction, u, v, gap):
-    """Step along the tangents u and v to where the gap is least, downhill at any rate."""
+    """Step along the tangents u and v to where the gap is smallest, downhill at any rate."""
     right, left = (
         _gap(parameters, face, X_SP, direction + STEP * u),
         _gap(parameters, face, X_SP, direction - STEP * u),

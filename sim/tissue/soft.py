@@ -1,6 +1,6 @@
 """The soft phantom under the probe: contact force, and the skin as it lies deformed.
 
-Quasi-static and linear elastic: the skin's flexibility, computed once, answers every press by a
+Quasi-static and linear elastic: the skin's flexibility, computed once, turns every press into a
 small frictionless contact problem between the probe's exact face and points of the skin. Gel
 friction and the tissue's damping are laid over the elastic force. Linear theory was held against
 large deformations to `LINEAR_LIMIT`; beyond, a warning says so.
@@ -62,7 +62,7 @@ class SoftTissue:
 
         Args:
             phantom: Shape and elasticity.
-            progress: Told the share done (0 to 1) and what is being done.
+            progress: Told the fraction done (0 to 1) and what is being done.
         """
         return SoftTissue(phantom, cached_compliance(phantom, SKIN_POINTS, progress))
 

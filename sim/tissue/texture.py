@@ -22,7 +22,7 @@ BLUSH_TINT = np.array([0.4, -0.7, -0.5])
 def skin(
     rng: np.random.Generator, size: int, pixel: float, areola_radius: float = 0.0
 ) -> UInt8[np.ndarray, "size size 3"]:
-    """Skin with pores, freckles, faint veins and a blotchy blush; an areola in the middle if it has
+    """Skin with pores, freckles, faint veins and a blotchy blush; an areola in the centre if it has
     a radius.
 
     Args:
@@ -77,7 +77,7 @@ def smooth(
 
 
 def plastic(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarray, "size size 3"]:
-    """A plain light filament, slightly mottled, with the printer's rings around the middle;
+    """A plain light filament, slightly mottled, with the printer's rings around the centre;
     `pixel` in m.
     """
     axis = (np.arange(size) + 0.5 - size / 2) * pixel
@@ -116,7 +116,7 @@ def _ridge(noise: np.ndarray, width: float) -> np.ndarray:
 
 
 def _disc(size: int, radius_px: float, edge: np.ndarray) -> np.ndarray:
-    """1 inside a disc in the middle, 0 outside, with a soft edge displaced by `edge` (in radii)."""
+    """1 inside a disc in the centre, 0 outside, with a soft edge displaced by `edge` (in radii)."""
     axis = np.arange(size) + 0.5 - size / 2
     distance = np.hypot(axis[:, None], axis[None, :]) / radius_px + edge
     return 1 / (1 + np.exp((distance - 1) / 0.06))

@@ -1,6 +1,6 @@
 """What the arm carries: wrist sensor, mount and convex ultrasound probe.
 
-The mount turns the probe out of the flange's axis, which lets the arm reach all around the breast
+The mount rotates the probe out of the flange's axis, which lets the arm reach all around the breast
 with less joint motion than a probe straight on the flange. Masses are those of a six-axis sensor of
 the Axia80 class, an aluminium bracket and a hand-held convex probe with a short length of its
 cable.
@@ -21,7 +21,7 @@ SENSOR_HEIGHT, SENSOR_RADIUS = 0.036, 0.041
 ELBOW_HEIGHT = 0.060
 """Where the mount's bend lies on the flange's axis [m]."""
 REACH = 0.140
-"""From the bend to the middle of the probe's face [m]."""
+"""From the bend to the centre of the probe's face [m]."""
 SENSOR_MASS = 0.26
 MOUNT_MASS = 0.13
 PROBE_MASS = 0.26
@@ -52,7 +52,7 @@ HANDLE = (
 
 
 def tip_pose(mount_angle: float) -> Float[np.ndarray, "4 4"]:
-    """`X_FP`: up to the bend, turned about y by the mount's angle [rad], and on to the face."""
+    """`X_FP`: up to the bend, rotated about y by the mount's angle [rad], and on to the face."""
     along_flange = se3.pose(np.eye(3), np.array([0, 0, ELBOW_HEIGHT]))
     bend = se3.from_rotation_vector(np.array([0, mount_angle, 0]), np.zeros(3))
     along_probe = se3.pose(np.eye(3), np.array([0, 0, REACH]))

@@ -18,7 +18,7 @@ from breastscan.errors import ConfigError
 @dataclass(frozen=True, kw_only=True)
 class ProbeFace:
     """A convex array with a 60 mm radius (R60) and a field of about 60 degrees; P lies in the
-    middle of its face.
+    centre of its face.
     """
 
     radius: float = 0.060
@@ -38,7 +38,8 @@ class ProbeFace:
             )
         if not 2 * self.edge_radius < self.arc < math.pi * self.radius:
             raise ConfigError(
-                f"arc must lie between twice edge_radius and half a turn, got {self.arc} m", self
+                f"arc must lie between twice edge_radius and half a rotation, got {self.arc} m",
+                self,
             )
 
     def parameters(self) -> Float[np.ndarray, "5"]:

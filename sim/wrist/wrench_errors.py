@@ -36,10 +36,10 @@ class WrenchErrors:
     gain_error: float = 0.0
     """Relative error of each axis's sensitivity, one sigma [-]."""
     cross_talk: float = 0.0
-    """Share of a load that shows on another axis of its kind, one sigma [-]."""
+    """Fraction of a load that shows on another axis of its kind, one sigma [-]."""
     pose_offset: float = 0.0
-    """Most that the force reading changes when the flange tilts by 60 degrees, beside the tool's
-    weight [N]."""
+    """Maximum by which the force reading changes when the flange tilts by 60 degrees, beside the
+    tool's weight [N]."""
     force_range: float = math.inf
     """Force at which a component saturates [N]."""
     torque_range: float = math.inf
@@ -102,10 +102,10 @@ class WrenchSensorConfig:
     gain_error: float | None = None
     """Relative error of each axis's sensitivity, one sigma [-]; None for the class's."""
     cross_talk: float | None = None
-    """Share of a load that shows on another axis, one sigma [-]; None for the class's."""
+    """Fraction of a load that shows on another axis, one sigma [-]; None for the class's."""
     pose_offset: float | None = None
-    """Most that the force reading changes when the flange tilts by 60 degrees [N]; None for the
-    class's."""
+    """Maximum by which the force reading changes when the flange tilts by 60 degrees [N]; None for
+    the class's."""
     force_range: float | None = None
     """Force at which a component saturates [N]; None for the class's."""
     torque_range: float | None = None

@@ -27,7 +27,7 @@ NOISE_BLOCK = 256
 
 
 class WrenchSensor:
-    """One sensor with its errors. It is asked once a control period."""
+    """One sensor with its errors. It is read once a control period."""
 
     def __init__(
         self, config: WrenchSensorConfig, payload: Payload, X_FP: Float[np.ndarray, "4 4"]
@@ -36,7 +36,7 @@ class WrenchSensor:
 
         Args:
             config: What it gets wrong.
-            payload: What it is told to hang on it.
+            payload: The payload that its controller reckons with.
             X_FP: Where the wrench is wanted, the probe tip in the flange.
         """
         errors, rng = config.errors, np.random.default_rng(config.seed or 0)

@@ -56,7 +56,7 @@ def test_mask_covers_visible_skin_and_nothing_else_on_matched_images():
 
 
 def test_cameras_may_look_from_the_side():
-    """Plate and normal turn with the cameras; the mask does not care."""
+    """Plate and normal rotate with the cameras; the mask does not care."""
     points = noisy_points(SCENE)
     R = Rotation.from_euler("xyz", [20.0, -10.0, 35.0], degrees=True).as_matrix()
     rotated = segment_breast(points @ R.T)

@@ -38,7 +38,7 @@ def run(tmp_path, table):
 
 
 def changed(table):
-    """Deeper, harder, one joint turned, and late from the middle of the loop on."""
+    """Deeper, harder, one joint rotated, and late from halfway round the loop on."""
     X_BP = table["X_BP"].to_numpy().reshape(-1, 4, 4).copy()
     X_BP[:, :3, 3] += DEEPER * np.nan_to_num(
         table["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 2]

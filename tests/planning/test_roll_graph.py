@@ -25,7 +25,7 @@ def random_angles(poses: int) -> np.ndarray:
 
 
 def path_motion(q: np.ndarray, rolls: np.ndarray, branch: int) -> float:
-    """Integral of v^2 + v^8 / knee^6 along a path of spin indices, over steps of .5 s."""
+    """Integral of v^2 + v^8 / knee^6 along a path of roll indices, over steps of .5 s."""
     angles = q[np.arange(len(q)), rolls % ROLLS, branch]
     speed = np.angle(np.exp(1j * np.diff(angles, axis=0))) / 0.5
     return float(np.sum(speed**2 + speed**8 / KNEE_SPEED**6) * 0.5)

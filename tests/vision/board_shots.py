@@ -16,7 +16,7 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 def make_rig(distorted=True):
-    """A pair about 100 mm apart, turned towards each other, looking down from 650 mm above B's
+    """A pair about 100 mm apart, rotated towards each other, looking down from 650 mm above B's
     (500, 0, 0) mm.
     """
     side = np.array([1.0, -1.0]) if distorted else np.zeros(2)
@@ -76,7 +76,7 @@ def shots_of(rig, X_LBoard, rng, noise_px=0.02):
 
 
 def flange_poses(rig, X_FBoard, count, rng, tilt_deg=(15, 30)):
-    """`X_BF` that show a held board, face up, from around the middle of the view."""
+    """`X_BF` that show a held board, face up, from around the centre of the view."""
     poses = []
     for number in range(count):
         axis = number * GOLDEN_ANGLE

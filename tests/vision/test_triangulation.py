@@ -29,7 +29,7 @@ def test_true_disparity_gives_the_true_dome_within_a_micrometre():
 
 
 def test_points_come_out_in_the_unrectified_left_camera():
-    """A view turned by `R_LV` about the optical centre shows the same points in turned
+    """A view rotated by `R_LV` about the optical centre shows the same points in rotated
     coordinates.
     """
     R_LV = Rotation.from_euler("xyz", [2.0, -4.0, 1.0], degrees=True).as_matrix()

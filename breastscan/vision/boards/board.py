@@ -19,8 +19,8 @@ class Board:
     """A chessboard, by the corners inside it where four squares meet.
 
     Its frame has the origin in the first inner corner, x along a row of corners, y along a column
-    and z into the board. A board of even by even squares looks the same after half a turn: which of
-    its two ends comes first is not seen in one picture.
+    and z into the board. A board of even by even squares looks the same after half a rotation:
+    which of its two ends comes first is not seen in one picture.
     """
 
     columns: int = 7
@@ -49,7 +49,7 @@ class Board:
 
     @property
     def centre(self) -> Float[np.ndarray, "3"]:
-        """The middle of the inner corners in the board's frame [m]."""
+        """The centre of the inner corners in the board's frame [m]."""
         return self.points.mean(axis=0)
 
 
@@ -82,8 +82,8 @@ def find_shot(
     """The corners in both pictures of a pair, or None where one of them does not show the whole
     board.
 
-    The cameras of a rig stand about the same way up, so the corners' order in the right picture is
-    chosen to run the same way as in the left one.
+    The cameras of a rig are rolled about alike, so the corners' order in the right picture is
+    chosen to run as in the left one.
     """
     on_left, on_right = find_corners(left, board), find_corners(right, board)
     if on_left is None or on_right is None:

@@ -69,7 +69,7 @@ def adjust(
 
 
 def _lens(camera: Intrinsics, change: Float[np.ndarray, "9"]) -> Intrinsics:
-    """The camera with its focal lengths and centre changed by a share of the focal length, its
+    """The camera with its focal lengths and centre changed by a fraction of the focal length, its
     distortion by itself.
     """
     K = camera.K.copy()

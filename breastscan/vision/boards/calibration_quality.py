@@ -12,7 +12,7 @@ from breastscan.vision.boards.board import BoardShot
 CELLS = (8, 6)
 """Columns and rows of the cells in which corners are counted."""
 MIN_COVERAGE = 0.5
-"""Share of each image's cells with a corner in it [-]."""
+"""Fraction of each image's cells with a corner in it [-]."""
 MIN_TILT_SPREAD = np.radians(8.0)
 """Spread of the boards' normals about every axis, one sigma [rad]."""
 LARGEST_HELD_OUT_RATIO = 2.0
@@ -26,9 +26,9 @@ class Quality:
     """What speaks for a calibration."""
 
     coverage: tuple[float, float]
-    """Share of the cells of the left and the right image with a corner in it [-]."""
+    """Fraction of the cells of the left and the right image with a corner in it [-]."""
     tilt_spread: float
-    """Spread of the boards' normals about the axis with the least of it, one sigma [rad]."""
+    """Spread of the boards' normals about the axis where it is smallest, one sigma [rad]."""
     held_out_px: float
     """Residual of shots that a calibration from the others has not seen [px]."""
     fit_px: float
@@ -72,7 +72,7 @@ def check(quality: Quality) -> None:
 
 
 def image_coverage(shots: Sequence[BoardShot], size: tuple[int, int]) -> tuple[float, float]:
-    """Share of the cells of the left and the right image in which a corner was found."""
+    """Fraction of the cells of the left and the right image in which a corner was found."""
 
     def fraction(side: str) -> float:
         pixels = np.vstack([getattr(shot, side) for shot in shots])
@@ -83,7 +83,7 @@ def image_coverage(shots: Sequence[BoardShot], size: tuple[int, int]) -> tuple[f
 
 
 def tilt_spread(X_LBoard: Float[np.ndarray, "shots 4 4"]) -> float:
-    """Spread of the boards' normals about the axis with the least of it, one sigma [rad]."""
+    """Spread of the boards' normals about the axis where it is smallest, one sigma [rad]."""
     normals_L = X_LBoard[:, :3, 2]
     variances = np.linalg.eigvalsh(np.cov(normals_L[:, :2].T))
     return float(np.arcsin(np.sqrt(np.clip(variances[0], 0.0, 1.0))))

@@ -1,8 +1,8 @@
 """What a disparity map is freed of: islands, which are matches by chance, pixels that stand out,
 and sub-pixel noise.
 
-The filters work on whole numbers, some hundred to the pixel, with `UNKNOWN` where nothing is known:
-half the memory of floating point, and twice as many in a vector register.
+The filters work in fixed point, some hundred steps to the pixel, with `UNKNOWN` where nothing is
+known: half the memory of floating point, and twice as many in a vector register.
 """
 
 import cv2
@@ -24,12 +24,12 @@ from breastscan.vision.matching.lanes import (
 UNKNOWN = np.uint16(0)
 ABOVE_ALL = np.uint16(65535)
 LARGEST_STEPS = 256
-"""Whole numbers a pixel at most: finer than any matcher by far."""
+"""Fixed-point steps a pixel at most: finer than any matcher by far."""
 
 
 LIKE_PX = 1.0
 """Neighbours whose disparities differ by no more belong to one surface [px]: none that is matched
-rises faster."""
+has a steeper slope."""
 
 
 def filtered(
@@ -126,7 +126,7 @@ def remove_speckles(fixed, step, smallest):
 @kernel
 def _root(runs, run):
     while runs[run, 2] != run:
-        runs[run, 2] = runs[runs[run, 2], 2]  # halves the way for the next search
+        runs[run, 2] = runs[runs[run, 2], 2]  # halves the path for the next search
         run = runs[run, 2]
     return run
 
@@ -220,9 +220,8 @@ def mean_of_like(
     _sum_like(
         bordered.reshape(-1), half, np.uint16(step), difference_sum, count, height, padded_width
     )
-    return difference_sum.view(np.int16).reshape(height, padded_width), count.reshape(
-        height, padded_width
-    )
+    shape = height, padded_width
+    return difference_sum.view(np.int16).reshape(shape), count.reshape(shape)
 
 
 @kernel

@@ -17,9 +17,9 @@ SMALLEST_CONTRAST = 6.0
 """An image whose grey levels span less has no texture to match [grey levels]; its noise alone spans
 this much."""
 TAIL = 0.02
-"""Share of the pixels at either end that may be anything: dust, hot pixels, reflections."""
+"""Fraction of the pixels at either end that may be anything: dust, hot pixels, reflections."""
 EXCHANGED_GAIN = 1.25
-"""The images are exchanged if the other way round this many times as many pixels match: of two
+"""The images are exchanged if, swapped, this many times as many pixels match: of two
 unrelated images, too, a third may."""
 MIN_FRACTION = 0.05
 """Fewer matches say nothing about the order: the two images do not belong together."""
@@ -57,7 +57,7 @@ def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
 def check_exchanged(
     matched: Float32[np.ndarray, "h w"], exchanged: Float32[np.ndarray, "h w"]
 ) -> None:
-    """Refuse a pair whose disparity is known at more pixels the other way round.
+    """Refuse a pair whose disparity is known at more pixels with left and right exchanged.
 
     Args:
         matched: Disparity of the pair as given [px], NaN where unknown.

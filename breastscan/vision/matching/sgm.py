@@ -4,8 +4,8 @@ a time.
 Two sweeps cross the image, one downwards and one upwards, each with the paths that come from behind
 it: along its row, straight, and along both diagonals. They start together and store, over their
 first half, the matching costs and what their paths add to them (8 bit: one path adds P2 at most).
-They meet in the middle, and each completes the half that the other has stored: to load the matching
-costs is faster than to count bits again.
+They meet at half height, and each completes the half that the other has stored: to load the
+matching costs is faster than to count bits again.
 """
 
 import threading
@@ -46,7 +46,7 @@ def semi_global_disparity(
         matching: Penalties, consistency and sub-pixel fit.
     """
     height, width = result.shape
-    centre_row = height // 2
+    half = height // 2
     increments, costs = _kept_volumes(height, width, disparities)
     fronts = _Fronts.at_rest(width, disparities, paths)
 
@@ -67,18 +67,8 @@ def semi_global_disparity(
         )
 
     with ThreadPoolExecutor(2) as pool:
-        list(
-            pool.map(run, (True, False), (0, 0), (centre_row, height - centre_row), (False, False))
-        )
-        list(
-            pool.map(
-                run,
-                (True, False),
-                (centre_row, height - centre_row),
-                (height, height),
-                (True, True),
-            )
-        )
+        list(pool.map(run, (True, False), (0, 0), (half, height - half), (False, False)))
+        list(pool.map(run, (True, False), (half, height - half), (height, height), (True, True)))
 
 
 class _Memory(threading.local):

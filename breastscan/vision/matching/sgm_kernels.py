@@ -62,7 +62,7 @@ class Front(NamedTuple):
 
     path_costs: UInt8[np.ndarray, "n"]
     minima: UInt8[np.ndarray, "slots"]
-    """The least path cost in each slot."""
+    """The minimum path cost in each slot."""
 
 
 @kernel
@@ -119,7 +119,7 @@ def fill_matching_costs(left_row, right_row, first, costs, width, disparities):
 
 @kernel
 def bounds(minimum_cost, matching):
-    """The least path cost behind, and what a jump from there costs: in every lane, once for all
+    """The minimum path cost behind, and what a jump from there costs: in every lane, once for all
     disparities.
     """
     return broadcast(minimum_cost), broadcast(np.uint8(minimum_cost + matching.P2))
@@ -127,7 +127,8 @@ def bounds(minimum_cost, matching):
 
 @kernel
 def path_cost_increment(here, beside, behind, matching):
-    """L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the line.
+    """The path-cost increment L_r(p, d) - C(p, d) [Zhang, Eq. 4] from the pixel behind p on the
+    line.
 
     Args:
         here: Its path costs at d.
@@ -144,7 +145,7 @@ def path_cost_increment(here, beside, behind, matching):
 @kernel
 def advance(path_costs, start, behind, ahead_costs, ahead_start, cost, lowest, matching):
     """One line, one pixel onwards: stores L_r(p, d) at `ahead_start`, gives L_r - C and the
-    least L_r so far.
+    minimum L_r so far.
     """
     beside = minimum(load(path_costs, start - 1), load(path_costs, start + 1))
     increment = path_cost_increment(load(path_costs, start), beside, behind, matching)
@@ -158,7 +159,7 @@ def total_cost(cost, increments, stored_increments, paths):
     paths add to it.
     """
     twice = cost + cost
-    if paths == 4:  # all rises together still fit 8 bits, and so does 4 C
+    if paths == 4:  # all increments together still fit 8 bits, and so does 4 C
         return widened(twice + twice) + widened(increments + stored_increments)
     quadruple = widened(twice + twice)
     return quadruple + quadruple + widened(increments) + widened(stored_increments)
@@ -174,7 +175,7 @@ def ranked(total, e):
 
 @kernel
 def first_index(ranks):
-    """Index of the least total [Zhang, Eq. 6]: of equal ones the nearest surface."""
+    """Index of the minimum total [Zhang, Eq. 6]: of equal ones the nearest surface."""
     lowest = smallest(ranks)
     block = lowest & ((1 << BLOCK_BITS) - 1)
     return np.int64(block) * LANES + first_bit(equal(ranks, broadcast(lowest)))

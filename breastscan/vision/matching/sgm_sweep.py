@@ -108,8 +108,8 @@ def _step(
     paths,
     completes,
 ):
-    """One pixel, all lines through it: gives the row's new floor and, if completing, the winner
-    [Zhang, Eq. 6].
+    """One pixel, all paths through it: gives the row's new minimum path cost and, if completing,
+    the winner [Zhang, Eq. 6].
     """
     slots = ahead.minima.size // (paths // 2 - 1)
     column = x + 1
@@ -120,25 +120,18 @@ def _step(
     diagonal_lowest = nothing
     antidiagonal_lowest = nothing
     lowest = broadcast(WORST_TOTAL)
-    row_bounds, column_bounds = (
-        bounds(row_minimum, matching),
-        bounds(behind.minima[column], matching),
-    )
+    row_bounds = bounds(row_minimum, matching)
+    column_bounds = bounds(behind.minima[column], matching)
     column_start = slot_start(column, disparities)
-    diagonal_bounds = antidiagonal_bounds = (
-        column_bounds  # what four paths do not use costs nothing
-    )
+    diagonal_bounds = column_bounds  # what four paths do not use costs nothing
+    antidiagonal_bounds = column_bounds
     if paths == 8:
         diagonal_bounds = bounds(behind.minima[diagonal - 1], matching)
         antidiagonal_bounds = bounds(behind.minima[antidiagonal + 1], matching)
-    diagonal_from, diagonal_to = (
-        slot_start(diagonal - 1, disparities),
-        slot_start(diagonal, disparities),
-    )
-    antidiagonal_from, antidiagonal_to = (
-        slot_start(antidiagonal + 1, disparities),
-        slot_start(antidiagonal, disparities),
-    )
+    diagonal_from = slot_start(diagonal - 1, disparities)
+    diagonal_to = slot_start(diagonal, disparities)
+    antidiagonal_from = slot_start(antidiagonal + 1, disparities)
+    antidiagonal_to = slot_start(antidiagonal, disparities)
     before, here = nothing, load(row, 0)
     for e in range(0, disparities, LANES):
         index = x * disparities + e

@@ -35,8 +35,9 @@ class FitConfig:
     """Penalty on squared third differences of the coefficients, times the noise variance
     [1/px^2]."""
     robust_scale: float = 2.4
-    """A residual of this many deviations of the noise counts half (Cauchy's weight, which gives up
-    5 % of what normal noise tells): occluded pixels at the object's rim must not pull."""
+    """Scale of the robust loss [standard deviations of the noise]: such a residual counts half
+    (Cauchy's weight, 95 % efficient under normal noise): occluded pixels at the object's rim must
+    not pull."""
     iterations: int = 8
     """Gauss-Newton steps at most."""
     converged_px: float = 1e-3

@@ -25,7 +25,7 @@ SIGNIFICANT_PX, SIGNIFICANT_SIGMAS = 0.02, 4.0
 """A smaller shift, or one that is less certain, is none: to resample the image would cost more than
 it mends."""
 ROBUST_SCALE = 2.4
-"""A residual of this many deviations of the noise counts half."""
+"""Scale of Cauchy's robust loss [standard deviations of the noise]: such a residual counts half."""
 RIDGE = 1e-6
 
 
@@ -38,11 +38,11 @@ class RowShift:
     offset: float = 0.0
     """[px]"""
     along_x: float = 0.0
-    """Rise along the right image's rows: a roll [px/px]."""
+    """Slope along the right image's rows: a roll [px/px]."""
     along_y: float = 0.0
-    """Rise along its columns: another focal length [px/px]."""
+    """Slope along its columns: another focal length [px/px]."""
     x0: float = 0.0
-    """Middle of the object in the right image [px]."""
+    """Centre of the object in the right image [px]."""
     y0: float = 0.0
     """[px]"""
 

@@ -80,7 +80,7 @@ def capture(scene, config, robot, binning=4):
 
 
 def test_the_picture_of_a_moving_arm_is_the_mean_over_its_course(quiet_scene):
-    """Four instants in the middles of the quarters of the exposure, which ends when the picture
+    """Four instants in the centres of the quarters of the exposure, which ends when the picture
     is taken.
     """
     ideal, swing = CameraConfig(quality="ideal"), np.array([6.0, 0, 0, 0, 0, 0])

@@ -40,7 +40,7 @@ def test_five_newtons_take_four_tenths_of_a_millimetre_and_the_skin_stays(phanto
 
 
 def test_the_deepest_point_is_the_one_that_a_search_of_the_skin_finds(phantom, printed):
-    """Tilted and turned probes; around the deepest vertex 4000 points of the smooth skin are
+    """Tilted and rolled probes; around the deepest vertex 4000 points of the smooth skin are
     tried.
     """
     rng = np.random.default_rng(0)

@@ -271,7 +271,7 @@ def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, complia
 
 
 def test_the_deformed_skin_wraps_the_probes_face(phantom, tissue):
-    """Under the middle of the face, within the .2 mm that the skin moves sideways on a curved
+    """Under the centre of the face, within the .2 mm that the skin moves sideways on a curved
     face.
     """
     X_SP = loop_pose(phantom, 0.7, 0.006)
