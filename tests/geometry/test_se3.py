@@ -16,10 +16,10 @@ NUMBERS = st.floats(-2.0, 2.0)
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
 POSES = st.tuples(VECTORS, VECTORS).map(lambda parts: se3.from_rotation_vector(*parts))
 ROOT = Path(__file__).parents[2]
-LETTER = "(?:[A-Z]?Board|[A-Z0-9])"
+LETTER = "(?:Board|[A-Z0-9])"
 MONOGRAM = re.compile(
     rf"_?[XR]_({LETTER}+)(?:_\w+)?"  # a pose or a rotation: X_BP, R_LV
-    rf"|_?[a-z][a-z0-9_]*_({LETTER}{{1,2}})(?:_[a-z0-9_]+)?"  # a vector and its basis: p_B
+    rf"|_?[a-z][a-z0-9_]*_((?:Board|[A-Z]){{1,2}})(?:_[a-z0-9_]+)?"  # a vector and its basis: p_B
 )
 
 
@@ -89,6 +89,7 @@ def frames_in_the_table() -> set[str]:
         ("points_B", ["B"]),
         ("X_BL_best", ["B", "L"]),
         ("HOME_Q", []),
+        ("_wrist_2", []),
         ("X_joints", []),
     ],
 )
