@@ -3,7 +3,7 @@ V-B.2, Fig. 23].
 
 Every period the planned probe pose is shifted along its own axis by the depth that the force
 controller asks for (`control.contact`), and one Newton step of the inverse kinematics turns the
-shifted pose into joint targets, which the supervisor lets through (`control.safety`). The arm
+shifted pose into joint targets, which the supervisor limits (`control.safety`). The arm
 follows its targets late by a known time, so the plan is sent ahead by as much: the arm then is
 where the plan is. Whatever goes wrong ends in a retreat up the normal.
 """
@@ -18,13 +18,13 @@ from typing import cast
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.control import contact, phases, safety, selection, tilt, watch
+from breastscan.control import contact, monitor, phases, safety, selection, tilt
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.lag import LagEstimate
-from breastscan.control.phases import PRESSING, Phase, Progress, Route, Situation
-from breastscan.control.safety import Command, SafetyLimits, Sent, Workspace
+from breastscan.control.monitor import MonitorMemory, Observation
+from breastscan.control.phases import PRESSING, PathSection, Phase, Progress, Situation
+from breastscan.control.safety import JointCommand, SafetyLimits, Sent, Workspace
 from breastscan.control.tilt import Drag, TiltMemory
-from breastscan.control.watch import Observation, Watch
 from breastscan.errors import PlanningError, RobotError
 from breastscan.geometry import se3
 from breastscan.interruptions import deferred_interrupt, no_garbage_collection
@@ -52,7 +52,7 @@ def execute(
     limits: SafetyLimits,
     *,
     log: list[Sample] | None = None,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
     pause: Callable[[], bool] = lambda: False,
     start: int = 0,
     in_air: bool = False,
@@ -67,9 +67,9 @@ def execute(
         limits: What ends the scan.
         log: Where every control period in contact or close to it goes, also those of a scan that
             ends early.
-        progress: Told the share of the path that is done, 0 to 1.
-        pause: Asked every period whether to wait, clear of the skin; the scan then goes on where it
-            was.
+        progress: Called with the fraction of the path that is done, 0 to 1.
+        pause: Called every period: whether to wait, clear of the skin; the scan then goes on where
+            it was.
         start: Row of the plan at which contact is made: `last_row` of a scan that was cut off.
         in_air: Whether to travel the path at its clearance, without contact.
         q_home: Where the arm parks in the end [rad]; None for where it stands now.
@@ -81,7 +81,7 @@ def execute(
         PlanningError: The plan has no row to start at.
         SafetyError: A limit was passed; the probe was retreated first.
         RobotError: No contact was found, or the robot refused.
-        KeyboardInterrupt: The user asked for an end; the probe was retreated first.
+        KeyboardInterrupt: The user ended it; the probe was retreated first.
     """
     if not 0 <= start < len(motion.q):
         raise PlanningError(f"a plan of {len(motion.q)} rows has no row {start} to start at", start)
@@ -93,10 +93,10 @@ def execute(
         lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION
     )
     robot.tare()
-    route = Route(len(motion.q) - 1, start, in_air, motion.clearance)
+    section = PathSection(len(motion.q) - 1, start, in_air, motion.clearance)
     first_row = start if stands_there else 0
-    _Probe(_standing(robot), motion, route, config, limits, [], first_row=first_row).rehearse()
-    probe = _Probe(robot, motion, route, config, limits, log, first_row=first_row)
+    _Probe(_standing(robot), motion, section, config, limits, [], first_row=first_row).rehearse()
+    probe = _Probe(robot, motion, section, config, limits, log, first_row=first_row)
     with deferred_interrupt() as check_interrupt, no_garbage_collection():
         probe.run(check_interrupt, pause, progress)
     if probe.error is not None:
@@ -126,7 +126,7 @@ class _Probe:
         self,
         robot: Robot,
         motion: Motion,
-        route: Route,
+        section: PathSection,
         config: ContactConfig,
         limits: SafetyLimits,
         log: list[Sample],
@@ -135,7 +135,7 @@ class _Probe:
     ) -> None:
         self.robot = robot
         self.motion = motion
-        self.route = route
+        self.section = section
         self.config = config
         self.limits = limits
         self.log = log
@@ -145,11 +145,11 @@ class _Probe:
         self._memory = ContactMemory.resting(-motion.clearance, robot.period)
         self._state = robot.state()
         self._sent = Sent.resting(self._state.q)
-        self._watch = Watch.beginning(self._observation())
+        self._monitor = MonitorMemory.beginning(self._observation())
         self._refused = 0
         self._began = False
         """Whether a command was taken."""
-        self._hurry = 0.0
+        self._overspeed_time = 0.0
         self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
         self._tilt = TiltMemory()
         self._X_PF = se3.inverse(robot.X_FP)
@@ -168,12 +168,12 @@ class _Probe:
     ) -> None:
         """Every phase, to the end; `error` then says whether it was the good one."""
         cycle = 0
-        self._look_anew()
+        self._resync()
         while self._progress.phase is not Phase.DONE and self._refused <= REFUSALS:
             try:
                 check_interrupt()
                 if cycle % PROGRESS_EVERY == 0:
-                    progress(self._progress.row / self.route.last)
+                    progress(self._progress.row / self.section.last)
                 self._cycle(pause())
             except (Exception, KeyboardInterrupt) as error:
                 # something keeps the retreat itself from running
@@ -194,39 +194,39 @@ class _Probe:
         for _ in range(2):
             self._cycle(False)
 
-    def _look_anew(self) -> None:
-        """Begin with the state of now: on a robot whose clock runs by itself, the preparations
+    def _resync(self) -> None:
+        """Begin with the present state: on a robot whose clock runs by itself, the preparations
         have taken time.
         """
         self._state = self.robot.state()
-        self._watch = Watch.beginning(self._observation())
+        self._monitor = MonitorMemory.beginning(self._observation())
 
     def _cycle(self, pause: bool) -> None:
         """One control period."""
         if self._progress.phase is not Phase.ESCAPE:
             self._sense()
-        memory, progress, demand = self._decide(pause)
+        memory, progress, command = self._decide(pause)
         if progress.phase is Phase.DONE:
             self._progress = progress
             return
-        if demand.meets:
-            memory = contact.meet(memory, self.config)
-        if demand.leaves:
-            memory = contact.leave(memory)
+        if command.contact_made:
+            memory = contact.begin(memory, self.config)
+        if command.contact_lost:
+            memory = contact.end(memory)
         lag, period = self._lag.lag, self.robot.period
-        if demand.reference is not None:
-            memory = contact.regulate(memory, demand.reference, self.config, lag, period)
+        if command.reference is not None:
+            memory = contact.regulate(memory, command.reference, self.config, lag, period)
         else:
             escaping = progress.phase is Phase.ESCAPE
             acceleration = (
                 self.config.phases.escape_acceleration if escaping else self.config.acceleration
             )
-            memory = contact.advance(memory, demand.speed, acceleration, lag, period)
+            memory = contact.advance(memory, command.speed, acceleration, lag, period)
         self._send(memory, progress)
 
     def _sense(self) -> None:
         """Take the latest state in, unless there is something wrong with it."""
-        fault, self._watch = watch.look(self._observation(), self._watch, self.limits)
+        fault, self._monitor = monitor.check(self._observation(), self._monitor, self.limits)
         if fault is not None:
             self._end(fault)
             return
@@ -237,15 +237,19 @@ class _Probe:
             fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
             vx, vy, _ = (self._velocity_B @ self._R_BP).tolist()
             drag = Drag((fx, fy, fz, my), (vx, vy), self._memory.noise, self.robot.period)
-            self._tilt = tilt.turn(drag, self._tilt, self.config.tilt)
+            self._tilt = tilt.update(drag, self._tilt, self.config.tilt)
         surface = self._memory.surface
         if surface is not None and self._progress.phase is Phase.LOOP:
-            self._hurry = safety.hurried(surface.speed, self._hurry, self.limits, self.robot.period)
-            fault = safety.judge_skin(surface.position, surface.speed, self._hurry, self.limits)
+            self._overspeed_time = safety.overspeed_time(
+                surface.speed, self._overspeed_time, self.limits, self.robot.period
+            )
+            fault = safety.check_skin(
+                surface.position, surface.speed, self._overspeed_time, self.limits
+            )
             if fault is not None:
                 self._end(fault)
 
-    def _decide(self, pause: bool) -> tuple[ContactMemory, Progress, phases.Demand]:
+    def _decide(self, pause: bool) -> tuple[ContactMemory, Progress, phases.PhaseCommand]:
         """What to do in this period."""
         memory, settings = self._memory, self.config.phases
         now = Situation(
@@ -255,26 +259,27 @@ class _Probe:
             contact.touches(memory, self.config),
             pause,
         )
-        progress, demand = phases.step(
-            self._progress, now, self.route, self.config.force, settings, self.robot.period
+        progress, command = phases.step(
+            self._progress, now, self.section, self.config.force, settings, self.robot.period
         )
-        if demand.fault is not None:
-            self._end(demand.fault)
-            progress, demand = phases.step(
-                self._progress, now, self.route, self.config.force, settings, self.robot.period
+        if command.fault is not None:
+            self._end(command.fault)
+            progress, command = phases.step(
+                self._progress, now, self.section, self.config.force, settings, self.robot.period
             )
-        return memory, progress, demand
+        return memory, progress, command
 
     def _send(self, memory: ContactMemory, progress: Progress) -> None:
         """One command to the robot; what was decided counts once it is taken."""
         ahead = min(
-            progress.row + progress.feed * self._lag.lag / self.robot.period, float(self.route.last)
+            progress.row + progress.feed_override * self._lag.lag / self.robot.period,
+            float(self.section.last),
         )
         arm = self.robot.calibration
         X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
         X_BP = selection.corrected(X_BP_plan, memory.depth, self._tilt.rx, self._tilt.ry)
-        command = Command(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
-        sent = safety.let_through(
+        command = JointCommand(arm.step(self._sent.q, X_BP @ self._X_PF), X_BP[:3, 3], memory.depth)
+        sent = safety.limit_command(
             command, self._sent, self._workspace, self.limits, self.robot.period
         )
         if sent.fault is not None:

@@ -41,7 +41,7 @@ CLEARANCE = 0.012
 """From which the skin is approached [m]; the window of the approach."""
 RAMP_START, RAMP_LENGTH = 0.01, 0.05
 """Where on a cell's path the surface error grows [m]."""
-TOLD_LAG = ServoConfig().nominal_lag
+REPORTED_LAG = ServoConfig().nominal_lag
 """What the robot says of its servo, also where that is later [s]."""
 MASS_RADIUS, MASS_DEPTH = 0.010, 0.014
 """The stiff inclusion, and how deep its middle lies under the path [m]."""
@@ -77,7 +77,7 @@ class Cell:
     waveform: Waveform = "sine"
     surface_error: float = 0.0
     """By how much the plan comes to lie too deep, over 50 mm of path [m]."""
-    lag: float = TOLD_LAG
+    lag: float = REPORTED_LAG
     """Of the servo [s], whatever the robot says."""
     whole_loop: bool = False
     """Whether the whole loop is gone along, and the probe's tilt judged."""
@@ -127,7 +127,7 @@ class LateRobot(SimRobot):
     @property
     def servo_lag(self) -> float:
         """[s]"""
-        return TOLD_LAG
+        return REPORTED_LAG
 
 
 @dataclass(frozen=True, kw_only=True)

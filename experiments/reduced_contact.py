@@ -90,7 +90,7 @@ def run(
     memory = replace(
         memory, slow=replace(memory.slow, force=config.contact_force), variance=readings.variance
     )
-    memory = contact.meet(memory, config)
+    memory = contact.begin(memory, config)
     before = plant.skin(0.0)
     forces, depths = np.empty((2, round(duration / PERIOD)))
     for k in range(len(forces)):

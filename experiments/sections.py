@@ -37,8 +37,10 @@ def section(
         speed: Along the path [m/s].
         clearance: Of approach and retreat [m]; None for the whole motion's.
     """
-    way = Trapezoid(min(length, float(motion.s[-1]) - start), speed, ACCELERATION)
-    s = start + np.array([way.way(PERIOD * k) for k in range(math.ceil(way.duration / PERIOD) + 1)])
+    profile = Trapezoid(min(length, float(motion.s[-1]) - start), speed, ACCELERATION)
+    s = start + np.array(
+        [profile.distance(PERIOD * k) for k in range(math.ceil(profile.duration / PERIOD) + 1)]
+    )
     row = np.interp(s, motion.s, np.arange(len(motion.s)))
     q = np.stack([np.interp(row, np.arange(len(motion.q)), joint) for joint in motion.q.T], axis=1)
     return _motion(q, s - start, motion.clearance if clearance is None else clearance, X_FP)

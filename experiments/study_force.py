@@ -48,7 +48,7 @@ FACTORS: dict[str, dict] = {
 """One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is asked of
 it."""
 
-ASKED: dict[str, tuple[float, dict]] = {
+REQUIRED: dict[str, tuple[float, dict]] = {
     "nominal, ideal": (0.06, {"sensor": "ideal"}),
     "nominal, industrial": (0.08, {"sensor": "industrial"}),
     "nominal, built-in": (0.25, {"sensor": "ur5e_builtin"}),
@@ -118,7 +118,7 @@ class Result:
 
     sensors: dict[str, dict[str, Outcome]]
     """By sensor."""
-    asked: dict[str, list[Outcome]]
+    required: dict[str, list[Outcome]]
     """By what is asked; one a seed."""
     whole: dict[str, Outcome]
     """The whole loop, by sensor."""
@@ -182,9 +182,9 @@ def _result(
     study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]
 ) -> Result:
     seeds = range(seed, seed + study.seeds)
-    asked = [
+    required = [
         Cell(law=DEFAULT, **{**where, "seed": each})
-        for _, where in ASKED.values()
+        for _, where in REQUIRED.values()
         for each in seeds
     ]
     whole = [Cell(law=DEFAULT, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
@@ -197,22 +197,24 @@ def _result(
         if law != DEFAULT
         for cell in everywhere[: study.compared]
     ]
-    done = iter(outcomes([*by_factor, *by_sensor, *whole, *asked, *everywhere, *others]))
+    done = iter(outcomes([*by_factor, *by_sensor, *whole, *required, *everywhere, *others]))
     factors = {name: {law: next(done) for law in LAWS} for name in FACTORS}
     sensors = {sensor: {law: next(done) for law in LAWS} for sensor in SENSORS}
     loops = {sensor: next(done) for sensor in SENSORS}
-    judged = {name: [next(done) for _ in seeds] for name in ASKED}
+    judged = {name: [next(done) for _ in seeds] for name in REQUIRED}
     hypercube = {DEFAULT: [next(done) for _ in everywhere]}
     for law in LAWS:
         if law != DEFAULT:
             hypercube[law] = [next(done) for _ in everywhere[: study.compared]]
-    return Result(sensors=sensors, asked=judged, whole=loops, factors=factors, hypercube=hypercube)
+    return Result(
+        sensors=sensors, required=judged, whole=loops, factors=factors, hypercube=hypercube
+    )
 
 
 def _page(result: Result, study: ForceStudy) -> list[str]:
     """The study's tables."""
     return [
-        *_asked_table(result.asked, study.seeds),
+        *_required_table(result.required, study.seeds),
         *_contact_table(result),
         *_law_table("sensor", result.sensors),
         *_law_table("circumstance, industrial sensor", result.factors),
@@ -221,7 +223,7 @@ def _page(result: Result, study: ForceStudy) -> list[str]:
     ]
 
 
-def _asked_table(asked: dict[str, list[Outcome]], seeds: int) -> list[str]:
+def _required_table(required: dict[str, list[Outcome]], seeds: int) -> list[str]:
     lines = [
         f"RMS of the true force error, law `{DEFAULT}`, {seeds} seeds [N].",
         "",
@@ -229,7 +231,7 @@ def _asked_table(asked: dict[str, list[Outcome]], seeds: int) -> list[str]:
         "below 10 Hz |",
         "|---|---|---|---|---|---|",
     ]
-    for (name, outcomes), (bar, _) in zip(asked.items(), ASKED.values(), strict=True):
+    for (name, outcomes), (bar, _) in zip(required.items(), REQUIRED.values(), strict=True):
         rmse, bias, share = (
             [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_share")
         )
@@ -308,7 +310,7 @@ def _spread(outcomes: list[Outcome]) -> str:
 def _extremes_table(result: Result) -> list[str]:
     """How far the default law's true force went from the set-point in all cells inside 8 mm."""
     everything = [
-        o for outcomes in (*result.asked.values(), result.hypercube[DEFAULT]) for o in outcomes
+        o for outcomes in (*result.required.values(), result.hypercube[DEFAULT]) for o in outcomes
     ]
     everything += [
         outcomes[DEFAULT] for outcomes in (*result.factors.values(), *result.sensors.values())
@@ -338,7 +340,7 @@ def _extremes_table(result: Result) -> list[str]:
 
 def _plain(result: Result) -> list[dict[str, object]]:
     """Every outcome without its trace; what is not known is left out."""
-    groups = (*result.asked.values(), *result.hypercube.values(), [*result.whole.values()])
+    groups = (*result.required.values(), *result.hypercube.values(), [*result.whole.values()])
     table = [o for group in groups for o in group]
     table += [
         o

@@ -38,7 +38,7 @@ LOST = 5.0
 BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
     "observer": {
         "gains.observer.closing_time": (0.01, 0.5),
-        "surface.unrest": (1e-3, 0.1),
+        "surface.process_noise": (1e-3, 0.1),
         "surface.force_noise": (0.03, 0.6),
     },
     "pi-stiffness": {

@@ -196,15 +196,13 @@ class SimRobot:
         self._sensor.set_payload(payload)
 
     @property
-    def course(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
-        """Where the controller has the joints as the latest period ends [rad], and how fast they
-        move there [rad/s].
-        """
+    def commanded(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """The commanded state as the latest period ends: joint angles [rad] and speeds [rad/s]."""
         return self._servo.q_end, self._servo.qd
 
     @property
-    def course_change(self) -> Float[np.ndarray, "6"]:
-        """Acceleration that the controller wants of the joints [rad/s^2]."""
+    def commanded_acceleration(self) -> Float[np.ndarray, "6"]:
+        """Commanded acceleration of the joints [rad/s^2]."""
         return self._servo.qdd
 
     def tune_servo(self, lookahead_time: float, gain: float) -> None:
@@ -212,7 +210,7 @@ class SimRobot:
         self._servo.config = replace(self._servo.config, lookahead_time=lookahead_time, gain=gain)
 
     def stop(self) -> None:
-        """Brake along the present course and stay there."""
+        """Brake along the commanded motion and stay there."""
         self._brake()
         self._settle()
 

@@ -97,7 +97,7 @@ def test_the_tip_never_accelerates_along_its_axis_faster_than_configured(motion)
 def test_the_arm_is_where_the_plan_is_however_late_its_servo(motion, late):
     _, table, _ = scan(motion, late=late)
     executed, planned = (X[table.in_loop, :3, 3] for X in (table.X_BP, table.X_BP_plan))
-    # while the feed ramps, the lead is off by 1 ms
+    # while the feed override ramps, the lead is off by 1 ms
     assert np.abs(executed - planned)[:, :2].max() < 0.02e-3
     # 5 N on 1 kN/m: the normal part is the indentation
     np.testing.assert_allclose(planned[:, 2] - executed[:, 2], 0.005, atol=1e-4)
@@ -144,7 +144,7 @@ def test_a_pause_waits_clear_of_the_skin_and_goes_on_at_the_same_place(motion):
     way = table.s[table.in_loop]
     assert way[-1] == pytest.approx(motion.s[-1], abs=1e-6)
     # between the loops lies what the feed needs to come to rest, in the phase "halt"
-    assert 0.0 < np.diff(way).max() < 0.5 * SPEED * ContactConfig().phases.feed_time * 1.1
+    assert 0.0 < np.diff(way).max() < 0.5 * SPEED * ContactConfig().phases.override_time * 1.1
     assert np.abs(loop_force(table) - 5.0).max() < 0.15
 
 

@@ -123,10 +123,10 @@ def scan(
         "scene": scene,
     }
 
-    def eyes() -> StereoCamera:
+    def open_stereo() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
-    _scan_robot(out, settings, host, whole, eyes, plan, in_air=dry_run, agreed=yes)
+    _scan_robot(out, settings, host, whole, open_stereo, plan, in_air=dry_run, agreed=yes)
 
 
 def _scan_twin(
@@ -201,7 +201,7 @@ def _scan_robot(
     settings: dict,
     host: str,
     cell: Cell,
-    eyes: Callable[[], StereoCamera],
+    open_stereo: Callable[[], StereoCamera],
     config: ScanConfig,
     *,
     in_air: bool,
@@ -235,7 +235,7 @@ def _scan_robot(
             preflight.require_plausible_sensor(arm)
             result = run_scan(
                 arm,
-                eyes(),
+                open_stereo(),
                 cell,
                 config,
                 stages,
@@ -254,7 +254,7 @@ def _scan_robot(
     summarise(out, found)
 
 
-def _introduction(controller: preflight.Controller, cell: Cell, source: object) -> str:
+def _introduction(controller: preflight.ControllerIdentity, cell: Cell, source: object) -> str:
     software = ".".join(map(str, controller.version))
     arm = f"UR5e {controller.serial}".strip()
     nominal = np.array_equal(cell.kinematics.X_joints, KinematicCalibration.nominal().X_joints)

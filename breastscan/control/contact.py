@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 
 from breastscan.checks import require_positive
 from breastscan.control.filters import Filtered
-from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Reference, Seen
+from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Measurement, Reference
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
-from breastscan.control.surface import Surface, SurfaceConfig
+from breastscan.control.surface import SkinEstimate, SurfaceConfig
 from breastscan.control.tilt import TiltConfig
 from breastscan.errors import ConfigError
 
@@ -23,10 +23,10 @@ CONTACT_HZ = 10.0
 CONTACT_SIGMA = 3.0
 """Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50
 Hz."""
-HASTE = 4.0
+PRESSING_SPEED_RATIO = 4.0
 """Largest speed into the skin, where it is felt, over the approach's [-]: by default that is
 `rate_limit`. A body that is approached slowly because it is hard is pressed slowly too, whatever a
-law believes."""
+law requests."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -83,9 +83,9 @@ class ContactMemory:
     last: float
     """The last measured force [N]."""
     variance: float
-    """Of the sensor's noise, seen in the air [N^2]."""
-    surface: Surface | None
-    """What is believed about the skin; None before it was met."""
+    """Of the sensor's noise, estimated in the air [N^2]."""
+    surface: SkinEstimate | None
+    """The estimate of the skin; None without contact."""
     stiffness: float
     """The stiffest that it was found to be, in contacts that ended [N^(2/3)/m]: what threw the
     probe off once would do so again."""
@@ -118,8 +118,8 @@ def sense(
 ) -> ContactMemory:
     """Take in a measured force [N], the servo being where its model has it.
 
-    In the air the sensor's noise is learnt, from the differences of samples, in which a slow touch
-    does not show; from the first contact on, the skin.
+    In the air the sensor's noise is estimated, from the differences of samples, in which a slow
+    touch does not show; in contact, the skin.
     """
     slow = memory.slow.after(force, CONTACT_HZ, period)
     variance = memory.variance
@@ -131,17 +131,17 @@ def sense(
     return replace(memory, slow=slow, last=force, variance=variance, surface=surface)
 
 
-def meet(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
+def begin(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
     """Begin a contact: the skin is where the tip feels it."""
     force = memory.slow.force
     stiffness = max(memory.stiffness, config.surface.stiffness)
-    surface = Surface.met(memory.servo.position, force, stiffness, config.surface)
+    surface = SkinEstimate.at_contact(memory.servo.position, force, stiffness, config.surface)
     return replace(memory, surface=surface, law=LawMemory(Filtered(force)))
 
 
-def leave(memory: ContactMemory) -> ContactMemory:
-    """End a contact: where the skin was believed to be is forgotten, not how stiff it is."""
-    assert memory.surface is not None, "a contact ends after `meet`"
+def end(memory: ContactMemory) -> ContactMemory:
+    """End a contact: the estimate of where the skin is is dropped, not that of its stiffness."""
+    assert memory.surface is not None, "a contact ends after `begin`"
     return replace(memory, surface=None, stiffness=max(memory.stiffness, memory.surface.stiffness))
 
 
@@ -177,13 +177,15 @@ def regulate(
     Returns:
         The state after this period; its depth stays inside `config.depth_limit`.
     """
-    assert memory.surface is not None, "force control begins with `meet`"
-    seen = Seen(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
-    asked, law = LAWS[config.law](seen, reference, memory.law, config.gains.of(config.law))
+    assert memory.surface is not None, "force control begins with `begin`"
+    measurement = Measurement(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
+    requested, law = LAWS[config.law](
+        measurement, reference, memory.law, config.gains.of(config.law)
+    )
     step, limit = config.acceleration * period, config.rate_limit
     approach = config.phases.approach_speed
-    inward = min(HASTE * approach if _presses(memory, config) else approach, limit)
-    rate = max(min(max(asked, -limit), memory.rate + step, inward), memory.rate - step)
+    inward = min(PRESSING_SPEED_RATIO * approach if _presses(memory, config) else approach, limit)
+    rate = max(min(max(requested, -limit), memory.rate + step, inward), memory.rate - step)
     depth = memory.depth + rate * period
     if abs(depth) > config.depth_limit:
         depth, rate = math.copysign(config.depth_limit, depth), 0.0

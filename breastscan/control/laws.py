@@ -1,13 +1,13 @@
 """The force laws, to choose from by name: how fast the tip is to move along its axis.
 
-Each is a pure function (seen, reference, memory, gains) -> (speed, memory), on the twin and on the
-robot, at 500 or 125 Hz. The command is a speed: as an offset of the pose, a law without an integral
-could not hold a force on an elastic body. What was sent in the end, after every limit, comes back
-in `Seen.rate`: no law winds up against a limit.
+Each is a pure function (measurement, reference, memory, gains) -> (speed, memory), on the twin and
+on the robot, at 500 or 125 Hz. The command is a speed: as an offset of the pose, a law without an
+integral could not hold a force on an elastic body. What was sent in the end, after every limit,
+comes back in `Measurement.rate`: no law winds up against a limit.
 
 The gains come from one search for all laws, on a model of the contact (`experiments.tune_force`).
-Each law is half as fast here as is best there, so that it does not swing on what answers harder
-than the model.
+Each law is half as fast here as is best there, so that it does not oscillate on a body that is
+stiffer than the model.
 """
 
 from collections.abc import Callable
@@ -16,13 +16,13 @@ from typing import Any, Literal
 
 from breastscan.control.filters import Filtered
 from breastscan.control.fuzzy import FuzzyGains
-from breastscan.control.surface import Surface
+from breastscan.control.surface import SkinEstimate
 
 LawName = Literal["observer", "pi-stiffness", "pi", "pd", "fuzzy-pd", "admittance"]
 
 
 @dataclass(frozen=True)
-class Seen:
+class Measurement:
     """What a law may know about this period."""
 
     force: float
@@ -31,8 +31,8 @@ class Seen:
     """The tip's commanded place along its axis, positive into the tissue [m]."""
     rate: float
     """The commanded speed that was sent in the last period [m/s]."""
-    surface: Surface
-    """What is believed about the skin."""
+    surface: SkinEstimate
+    """The estimate of the skin."""
     lag: float
     """Time by which the tip follows its commands [s]."""
     period: float
@@ -128,73 +128,75 @@ class LawMemory:
     filtered: Filtered
     integral: float = 0.0
     """Of the error, as a speed [m/s]."""
-    asked: float = 0.0
-    """The speed that the law asked for in the last period [m/s]."""
+    requested: float = 0.0
+    """The speed that the law requested in the last period [m/s]."""
 
 
-Law = Callable[[Seen, Reference, LawMemory, Any], tuple[float, LawMemory]]
+Law = Callable[[Measurement, Reference, LawMemory, Any], tuple[float, LawMemory]]
 
 
 def admittance(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: AdmittanceGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: AdmittanceGains
 ) -> tuple[float, LawMemory]:
     """Mass * acceleration + damping * speed = force error."""
-    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
-    push = reference.force - filtered.force - gains.damping * seen.rate
-    return seen.rate + seen.period * push / gains.mass, LawMemory(filtered)
+    filtered = memory.filtered.after(measurement.force, gains.filter_hz, measurement.period)
+    push = reference.force - filtered.force - gains.damping * measurement.rate
+    return measurement.rate + measurement.period * push / gains.mass, LawMemory(filtered)
 
 
 def pd(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: PdGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: PdGains
 ) -> tuple[float, LawMemory]:
     """Fixed gains on the force error and its change."""
-    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    filtered = memory.filtered.after(measurement.force, gains.filter_hz, measurement.period)
     error, change = reference.force - filtered.force, reference.change - filtered.change
     return gains.proportional * error + gains.derivative * change, LawMemory(filtered)
 
 
 def fuzzy_pd(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: FuzzyGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: FuzzyGains
 ) -> tuple[float, LawMemory]:
     """PD whose gains follow the rules of `control.fuzzy` [Zhang, Sec. V-B.2]."""
-    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    filtered = memory.filtered.after(measurement.force, gains.filter_hz, measurement.period)
     error, change = reference.force - filtered.force, reference.change - filtered.change
     proportional, derivative = gains.at(error, change)
     return proportional * error + derivative * change, LawMemory(filtered)
 
 
 def pi(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: PiGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: PiGains
 ) -> tuple[float, LawMemory]:
     """Fixed gains on the force error and its integral."""
-    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
+    filtered = memory.filtered.after(measurement.force, gains.filter_hz, measurement.period)
     error = reference.force - filtered.force
-    integral = _integrated(memory, gains.integral * error, seen)
-    asked = gains.proportional * error + integral
-    return asked, LawMemory(filtered, integral, asked)
+    integral = _integrated(memory, gains.integral * error, measurement)
+    requested = gains.proportional * error + integral
+    return requested, LawMemory(filtered, integral, requested)
 
 
 def pi_stiffness(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: PiStiffnessGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: PiStiffnessGains
 ) -> tuple[float, LawMemory]:
     """PI on the error of the indentation that the estimated stiffness makes of the force error."""
-    filtered = memory.filtered.after(seen.force, gains.filter_hz, seen.period)
-    slope = seen.surface.slope(reference.force)
+    filtered = memory.filtered.after(measurement.force, gains.filter_hz, measurement.period)
+    slope = measurement.surface.slope(reference.force)
     error = (reference.force - filtered.force) / slope
-    integral = _integrated(memory, gains.integral * error, seen)
-    asked = gains.proportional * error + integral + reference.change / slope
-    return asked, LawMemory(filtered, integral, asked)
+    integral = _integrated(memory, gains.integral * error, measurement)
+    requested = gains.proportional * error + integral + reference.change / slope
+    return requested, LawMemory(filtered, integral, requested)
 
 
 def observer(
-    seen: Seen, reference: Reference, memory: LawMemory, gains: ObserverGains
+    measurement: Measurement, reference: Reference, memory: LawMemory, gains: ObserverGains
 ) -> tuple[float, LawMemory]:
     """Follow the skin's estimated place and speed, predicted over the servo's lag, at the
     indentation of the force.
     """
-    surface = seen.surface
-    ahead = surface.position + surface.speed * seen.lag + surface.indentation(reference.force)
-    return surface.speed + (ahead - seen.depth) / gains.closing_time, memory
+    surface = measurement.surface
+    ahead = (
+        surface.position + surface.speed * measurement.lag + surface.indentation(reference.force)
+    )
+    return surface.speed + (ahead - measurement.depth) / gains.closing_time, memory
 
 
 LAWS: dict[str, Law] = {
@@ -207,11 +209,11 @@ LAWS: dict[str, Law] = {
 }
 
 
-def _integrated(memory: LawMemory, growth: float, seen: Seen) -> float:
-    """The integral [m/s] one period on; it stands still while a limit holds back what it asked
+def _integrated(memory: LawMemory, growth: float, measurement: Measurement) -> float:
+    """The integral [m/s] one period on; it stands still while a limit holds back what it requested
     for already.
     """
-    held_back = memory.asked - seen.rate
+    held_back = memory.requested - measurement.rate
     if held_back * growth > 0.0:
         return memory.integral
-    return memory.integral + growth * seen.period
+    return memory.integral + growth * measurement.period

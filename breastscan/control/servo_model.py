@@ -10,7 +10,7 @@ from dataclasses import dataclass
 TRANSPORT = 0.004
 """Part of the servo's lag in which nothing happens yet [s]: two periods of RTDE [UR-lag]."""
 GAIN = 2000.0
-"""servoj's gain, its largest: acceleration on the way to the target [1/s^2] [UR-script]."""
+"""servoj's gain, its largest: acceleration per error against the target [1/s^2] [UR-script]."""
 NO_LAG = 0.01
 """Lag below which a servo counts as being at its target [s]: servoj's least lookahead is .03 s."""
 
@@ -40,5 +40,5 @@ class ServoModel:
         arriving, *waiting = (*self.waiting, target)
         position = self.position + period * self.speed
         lookahead = lag - period * len(waiting)
-        way = arriving - (position + lookahead * self.speed)
-        return ServoModel(position, self.speed + period * GAIN * way, tuple(waiting))
+        error = arriving - (position + lookahead * self.speed)
+        return ServoModel(position, self.speed + period * GAIN * error, tuple(waiting))

@@ -1,7 +1,7 @@
-"""What is believed about the skin under the probe: where it is, how fast it moves, how stiff it is.
+"""The estimate of the skin under the probe: where it is, how fast it moves, how stiff it is.
 
-An extended Kalman filter over the measured force. The tissue answers an indentation u with F =
-(stiffness u)^(3/2), as an elastic body answers any blunt probe [Johnson, Ch. 4]; the skin moves
+An extended Kalman filter over the measured force. The tissue's reaction to an indentation u is F =
+(stiffness u)^(3/2), as an elastic body's to any blunt probe [Johnson, Ch. 4]; the skin moves
 along the probe axis at a speed that changes by chance. Being a model of both, the filter does not
 mistake a moving skin for a soft one, as a ratio of force to motion under a working controller
 would.
@@ -16,7 +16,7 @@ FIRST_POSITION = 0.5e-3
 """How far the force at first contact may be from the law of the indentation [m]."""
 FIRST_SPEED = 0.01
 """Speed that the skin may have then [m/s]: twice that of breathing."""
-LEAST_FORCE = 0.05
+MIN_FORCE = 0.05
 """Force below which the filter does not linearise [N]: there its slope vanishes, and with it all
 that it tells."""
 
@@ -32,8 +32,8 @@ class SurfaceConfig:
     sigma."""
     stiffness_drift: float = 0.01
     """How fast it may change along the path, as a logarithm [1/sqrt(s)]."""
-    unrest: float = 0.012
-    """How fast the skin's speed may change [m/s/sqrt(s)]."""
+    process_noise: float = 0.012
+    """Process noise: how fast the skin's speed may change [m/s/sqrt(s)]."""
     force_noise: float = 0.1
     """Least error of a force sample against the model [N]."""
     noise_factor: float = 3.0
@@ -42,7 +42,7 @@ class SurfaceConfig:
 
 
 @dataclass(frozen=True)
-class Surface:
+class SkinEstimate:
     """The filter's state. Positions are along the probe axis from the planned skin, positive
     into the tissue.
     """
@@ -57,7 +57,9 @@ class Surface:
     """Upper triangle, row by row."""
 
     @staticmethod
-    def met(depth: float, force: float, stiffness: float, config: SurfaceConfig) -> "Surface":
+    def at_contact(
+        depth: float, force: float, stiffness: float, config: SurfaceConfig
+    ) -> "SkinEstimate":
         """At first contact, with the tip at `depth` [m] and a force [N]; about so stiff
         [N^(2/3)/m].
         """
@@ -65,7 +67,7 @@ class Surface:
         spread = config.stiffness_spread
         # a stiffer tissue is indented less: both errors go together
         along = indentation * spread**2
-        return Surface(
+        return SkinEstimate(
             depth - indentation,
             0.0,
             math.log(stiffness),
@@ -83,11 +85,11 @@ class Surface:
 
     def slope(self, force: float) -> float:
         """Force per indentation [N/m] about a force [N]."""
-        return EXPONENT * self.stiffness * max(force, LEAST_FORCE) ** (1 - 1 / EXPONENT)
+        return EXPONENT * self.stiffness * max(force, MIN_FORCE) ** (1 - 1 / EXPONENT)
 
     def after(
         self, depth: float, force: float, noise: float, config: SurfaceConfig, period: float
-    ) -> "Surface":
+    ) -> "SkinEstimate":
         """One period [s] later, with the tip at `depth` [m] and a measured force [N] of that
         `noise` [N].
         """
@@ -95,18 +97,18 @@ class Surface:
         position = self.position + period * self.speed
         speed = self.speed
         log_stiffness = self.log_stiffness
-        unrest = config.unrest**2 * period
-        ss += period * (2.0 * sv + period * (vv + unrest / 3.0))
-        sv += period * (vv + unrest / 2.0)
+        process_noise = config.process_noise**2 * period
+        ss += period * (2.0 * sv + period * (vv + process_noise / 3.0))
+        sv += period * (vv + process_noise / 2.0)
         sk += period * vk
-        vv += unrest
+        vv += process_noise
         kk += config.stiffness_drift**2 * period
 
         stiffness = math.exp(log_stiffness)
         expected = (stiffness * max(depth - position, 0.0)) ** EXPONENT
-        if max(expected, force) < LEAST_FORCE:
-            return Surface(position, speed, log_stiffness, (ss, sv, sk, vv, vk, kk))
-        by_position = -EXPONENT * stiffness * max(expected, LEAST_FORCE) ** (1 - 1 / EXPONENT)
+        if max(expected, force) < MIN_FORCE:
+            return SkinEstimate(position, speed, log_stiffness, (ss, sv, sk, vv, vk, kk))
+        by_position = -EXPONENT * stiffness * max(expected, MIN_FORCE) ** (1 - 1 / EXPONENT)
         by_stiffness = EXPONENT * expected
         s = ss * by_position + sk * by_stiffness
         v = sv * by_position + vk * by_stiffness
@@ -116,11 +118,11 @@ class Surface:
             + by_stiffness * k
             + max(config.noise_factor * noise, config.force_noise) ** 2
         )
-        surprise = (force - expected) / variance
-        return Surface(
-            position + s * surprise,
-            speed + v * surprise,
-            log_stiffness + k * surprise,
+        innovation = (force - expected) / variance
+        return SkinEstimate(
+            position + s * innovation,
+            speed + v * innovation,
+            log_stiffness + k * innovation,
             (
                 ss - s * s / variance,
                 sv - s * v / variance,

@@ -21,7 +21,7 @@ TOOL_SPREAD = 1e-5
 log's poses follow from its joint angles, so more means another kinematic calibration."""
 TOLERANCE = 1e-3
 """Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A
-recording does not answer, so a law that integrates what it feels drifts on it: over 60 mm of
+recording does not react, so a law that integrates what it feels drifts on it: over 60 mm of
 contact by 2e-4 rad from a fitted lag that is 8e-6 s off, by 3e-8 rad from the right one."""
 CLOCK_DIGITS = 6
 """Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by
@@ -33,7 +33,7 @@ class RecordedRobot:
     regression of controllers.
 
     Each `servo_joint` advances the recording by one of its rows, which `state` then shows. The
-    recording cannot answer a command that was not given at the time: a target further from the
+    recording cannot react to a command that was not given at the time: a target further from the
     recorded one than the tolerance is refused, with the place where the two runs part. Rows follow
     each other as commands did; where the log has a gap in time, so have the states.
 
@@ -91,7 +91,7 @@ class RecordedRobot:
 
     @property
     def rows_left(self) -> int:
-        """Commands that the recording can still answer."""
+        """Commands for which the recording still has rows."""
         return len(self._log.t) - 1 - self._row
 
     def state(self) -> RobotState:

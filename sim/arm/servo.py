@@ -1,8 +1,8 @@
 """How the arm follows streamed joint targets: the controller's servoj.
 
 The controller's law is not published. The script manual says that `gain` acts like the P term on
-the way from the joint's position to the target, and that `lookahead_time` projects that position
-ahead with the present speed [UR-script]. Read as an acceleration, that is
+the error between the joint's position and the target, and that `lookahead_time` projects that
+position ahead with the present speed [UR-script]. Read as an acceleration, that is
 
     q'' = gain (target - (q + lookahead_time q')),
 
@@ -43,21 +43,21 @@ class ServoConfig:
     lookahead_time: float = 0.03
     """Time by which the joint's position is projected ahead [s]: longer is smoother and later."""
     gain: float = 2000.0
-    """Proportional gain of the way to the target [1/s^2]: lower is later, and less damped."""
+    """Proportional gain on the error to the target [1/s^2]: lower is later, and less damped."""
     transport: float = 0.006
     """From the sending of a target to the first sample that shows its effect [s]; 2 or 3 periods on
     a robot."""
 
     def __post_init__(self) -> None:
-        for name, (least, most) in (
+        for name, (low, high) in (
             ("lookahead_time", LOOKAHEAD_RANGE),
             ("gain", GAIN_RANGE),
             ("transport", (PERIOD, LONGEST_TRANSPORT)),
         ):
             value = getattr(self, name)
-            if not least <= value <= most:
+            if not low <= value <= high:
                 raise ConfigError(
-                    f"servo.{name} must lie in {least:g} .. {most:g}, got {value}", value
+                    f"servo.{name} must lie in {low:g} .. {high:g}, got {value}", value
                 )
         if abs(self.transport / PERIOD - round(self.transport / PERIOD)) > 1e-6:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""Every law on a spring, whose answer is known in closed form, behind a late servo."""
+"""Every law on a spring, whose force is known in closed form, behind a late servo."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def press(
     start = 0.5 / stiffness
     memory, tip = ContactMemory.resting(start, PERIOD), ServoModel.resting(start, PERIOD)
     memory = contact.sense(memory, 0.5, config, PERIOD)
-    memory, forces = contact.meet(memory, config), []
+    memory, forces = contact.begin(memory, config), []
     for k in range(round(duration / PERIOD)):
         force = stiffness * max(tip.position - surface(k * PERIOD), 0.0)
         memory = contact.sense(memory, force, config, PERIOD)
@@ -79,7 +79,7 @@ def test_the_observer_follows_breathing_several_times_more_closely_than_a_fixed_
 @given(force=st.floats(0, 50), rate=st.floats(-0.05, 0.05), depth=st.floats(-0.0299, 0.0299))
 def test_one_period_never_passes_the_limits_of_rate_acceleration_and_depth(law, force, rate, depth):
     config = ContactConfig(law=law)
-    memory = contact.meet(
+    memory = contact.begin(
         contact.sense(ContactMemory.resting(depth, PERIOD), 0.5, config, PERIOD), config
     )
     memory = contact.advance(memory, rate, 1e9, LAG, PERIOD)
@@ -133,7 +133,7 @@ def test_contact_ends_at_less_force_than_it_begins():
     for _ in range(200):
         memory = contact.sense(memory, 0.4, config, PERIOD)
     assert not contact.touches(memory, config)
-    assert contact.touches(contact.meet(memory, config), config)
+    assert contact.touches(contact.begin(memory, config), config)
 
 
 @pytest.mark.parametrize(
@@ -151,11 +151,11 @@ def test_a_contact_threshold_above_the_set_point_is_refused():
 
 @pytest.mark.parametrize("law", list(LAWS))
 def test_where_the_skin_is_not_felt_the_tip_comes_at_it_no_faster_than_at_first(law):
-    """The skin springs away: a law that believed to know it would follow with all the speed it
+    """The skin springs away: a law that trusted its estimate would follow with all the speed it
     is allowed.
     """
     config = ContactConfig(law=law)
-    memory = contact.meet(
+    memory = contact.begin(
         contact.sense(ContactMemory.resting(0.0, PERIOD), 0.5, config, PERIOD), config
     )
     rates = []
@@ -170,7 +170,7 @@ def test_where_the_skin_is_not_felt_the_tip_comes_at_it_no_faster_than_at_first(
 @pytest.mark.parametrize("law", list(LAWS))
 def test_a_body_that_is_approached_slowly_is_pressed_slowly(law):
     slow = ContactConfig(law=law, phases=PhaseConfig(approach_speed=0.003))
-    memory = contact.meet(
+    memory = contact.begin(
         contact.sense(ContactMemory.resting(0.0, PERIOD), 1.0, slow, PERIOD), slow
     )
     for _ in range(200):

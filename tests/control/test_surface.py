@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from breastscan.control.contact import ContactConfig
-from breastscan.control.surface import EXPONENT, Surface, SurfaceConfig
+from breastscan.control.surface import EXPONENT, SkinEstimate, SurfaceConfig
 from breastscan.errors import ConfigError
 
 PERIOD, CONFIG = 0.002, SurfaceConfig()
 
 
 def followed(stiffness, skin=lambda t: 0.0, noise=0.05, duration=4.0, exponent=EXPONENT, seed=0):
-    """The filter after a press of 5 mm at 12 mm/s that then waits, by someone who does not look
-    at the force.
+    """The filter after a press of 5 mm at 12 mm/s that then waits, whatever the force
+    is.
     """
     rng, surface = np.random.default_rng(seed), None
     for k in range(round(duration / PERIOD)):
@@ -24,7 +24,7 @@ def followed(stiffness, skin=lambda t: 0.0, noise=0.05, duration=4.0, exponent=E
             + noise * rng.standard_normal()
         )
         if surface is None and force > 0.5:
-            surface = Surface.met(depth, force, CONFIG.stiffness, CONFIG)
+            surface = SkinEstimate.at_contact(depth, force, CONFIG.stiffness, CONFIG)
         if surface is not None:
             surface = surface.after(depth, force, noise, CONFIG, PERIOD)
     return surface
@@ -68,7 +68,7 @@ def test_the_force_it_expects_is_the_one_that_comes_although_the_law_of_the_tiss
 
 
 def test_slope_and_indentation_belong_to_the_force():
-    surface = Surface.met(0.001, 0.5, CONFIG.stiffness, CONFIG)
+    surface = SkinEstimate.at_contact(0.001, 0.5, CONFIG.stiffness, CONFIG)
     depth = surface.position + surface.indentation(4.0)
     assert force_on(surface, depth) == pytest.approx(4.0)
     numeric = (force_on(surface, depth + 1e-7) - force_on(surface, depth - 1e-7)) / 2e-7
@@ -83,7 +83,7 @@ def test_the_covariance_stays_positive():
 
 
 def test_in_the_air_nothing_is_learnt():
-    met = Surface.met(0.001, 0.5, CONFIG.stiffness, CONFIG)
+    met = SkinEstimate.at_contact(0.001, 0.5, CONFIG.stiffness, CONFIG)
     later = met.after(met.position - 0.01, 0.0, 0.0, CONFIG, PERIOD)
     assert later.stiffness == met.stiffness
     assert later.position == pytest.approx(met.position)

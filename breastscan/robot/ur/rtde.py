@@ -109,8 +109,8 @@ class Link:
         """Send a joint target [rad]; False where the controller's program takes none."""
         return self._control.servoJ(q.tolist(), 0.0, 0.0, PERIOD, LOOKAHEAD_TIME, GAIN)
 
-    def kick(self) -> bool:
-        """Keep the watchdog quiet without a command."""
+    def feed_watchdog(self) -> bool:
+        """Feed the watchdog without a command."""
         return self._control.kickWatchdog()
 
     def arm_watchdog(self, frequency: float) -> bool:

@@ -1,6 +1,7 @@
-"""The supervisor's look at each measurement: is it sane, and inside the limits of `control.safety`?
+"""The supervisor's check of each measurement: is it plausible, and inside the limits of
+`control.safety`?
 
-Pure functions of (observation, watch) -> (fault, watch).
+Pure functions of (observation, memory) -> (fault, memory).
 """
 
 import math
@@ -21,7 +22,7 @@ class Observation:
     wrench_P: tuple[float, ...]
     """Of the tissue on the probe, force first [N, N m]."""
     set_point: float
-    """Pressing force that is wanted at most [N]."""
+    """Set-point of the pressing force [N]."""
     depth: float
     """Of the tip along its axis, as commanded [m]."""
     period: float
@@ -29,7 +30,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Watch:
+class MonitorMemory:
     """What the supervisor remembers of the measurements."""
 
     time: float
@@ -46,44 +47,44 @@ class Watch:
     """Depth of the tip then [m]."""
 
     @staticmethod
-    def beginning(now: Observation) -> "Watch":
+    def beginning(now: Observation) -> "MonitorMemory":
         """With the first observation."""
-        return Watch(now.time, 0, now.sample, now.time, now.wrench_P, now.time, now.depth)
+        return MonitorMemory(now.time, 0, now.sample, now.time, now.wrench_P, now.time, now.depth)
 
 
-def look(
-    now: Observation, watch: Watch, limits: SafetyLimits
-) -> tuple[BreastScanError | None, Watch]:
-    """Judge one state.
+def check(
+    now: Observation, before: MonitorMemory, limits: SafetyLimits
+) -> tuple[BreastScanError | None, MonitorMemory]:
+    """Check one state.
 
     Returns:
-        Why the scan must end, or None; and the watch after it.
+        Why the scan must end, or None; and the memory after it.
     """
-    if now.time <= watch.time:
-        silent = watch.silent + 1
-        held = Watch(
-            watch.time,
+    if now.time <= before.time:
+        silent = before.silent + 1
+        held = MonitorMemory(
+            before.time,
             silent,
-            watch.sample,
-            watch.sampled,
-            watch.wrench_P,
-            watch.changed,
-            watch.changed_at,
+            before.sample,
+            before.sampled,
+            before.wrench_P,
+            before.changed,
+            before.changed_at,
         )
         return _silence(silent * now.period, limits), held
-    fresh = now.sample != watch.sample
-    moved = now.wrench_P != watch.wrench_P
-    after = Watch(
+    fresh = now.sample != before.sample
+    moved = now.wrench_P != before.wrench_P
+    after = MonitorMemory(
         now.time,
         0,
         now.sample,
-        now.time if fresh else watch.sampled,
+        now.time if fresh else before.sampled,
         now.wrench_P,
-        now.time if moved else watch.changed,
-        now.depth if moved else watch.changed_at,
+        now.time if moved else before.changed,
+        now.depth if moved else before.changed_at,
     )
-    late = now.time - watch.time - now.period
-    return _lateness(late, limits) or _wrench(now, watch, limits) or _standing(
+    late = now.time - before.time - now.period
+    return _lateness(late, limits) or _wrench(now, before, limits) or _standing(
         now, after, limits
     ), after
 
@@ -108,8 +109,10 @@ def _lateness(late: float, limits: SafetyLimits) -> BreastScanError | None:
     )
 
 
-def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanError | None:
-    """Judge a wrench by itself and by the one before it."""
+def _wrench(
+    now: Observation, before: MonitorMemory, limits: SafetyLimits
+) -> BreastScanError | None:
+    """Check a wrench by itself and against the one before it."""
     fx, fy, fz, tx, ty, tz = now.wrench_P
     force, torque = math.sqrt(fx * fx + fy * fy + fz * fz), math.sqrt(tx * tx + ty * ty + tz * tz)
     if not (math.isfinite(force) and math.isfinite(torque)):
@@ -123,9 +126,9 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
             "N: is it overloaded or unplugged?",
             now.wrench_P,
         )
-    if abs(fz - watch.wrench_P[2]) > limits.force_step:
+    if abs(fz - before.wrench_P[2]) > limits.force_step:
         return SafetyError(
-            f"the measured force jumped from {-watch.wrench_P[2]:.1f} to {-fz:.1f} N between two "
+            f"the measured force jumped from {-before.wrench_P[2]:.1f} to {-fz:.1f} N between two "
             "samples, no contact does that: check the sensor and its cable",
             now.wrench_P,
         )
@@ -149,19 +152,21 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
     return None
 
 
-def _standing(now: Observation, after: Watch, limits: SafetyLimits) -> BreastScanError | None:
-    """Judge whether the sensor still measures."""
+def _standing(
+    now: Observation, after: MonitorMemory, limits: SafetyLimits
+) -> BreastScanError | None:
+    """Check whether the sensor still measures."""
     still = now.time - after.sampled
     if still > limits.frozen_time:
         return SafetyError(
             f"the force sensor has sent no new sample for {still * 1e3:.0f} ms: check its cable",
             still,
         )
-    same, way = now.time - after.changed, abs(now.depth - after.changed_at)
-    if same > limits.stuck_time and way > limits.stuck_way:
+    same, distance = now.time - after.changed, abs(now.depth - after.changed_at)
+    if same > limits.stuck_time and distance > limits.stuck_distance:
         return SafetyError(
             f"the force sensor repeats the same wrench since {same * 1e3:.0f} ms, while the probe "
-            f"moved by {way * 1e3:.1f} mm: it is frozen",
+            f"moved by {distance * 1e3:.1f} mm: it is frozen",
             now.wrench_P,
         )
     return None
