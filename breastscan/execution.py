@@ -114,7 +114,7 @@ def _standing(robot: Robot) -> Robot:
         nonlocal state
         state = replace(state, time=state.time + period, sample=state.sample + 1)
 
-    told = {name: getattr(robot, name) for name in ("period", "X_FP", "calibration", "servo_lag")}
+    told = {name: getattr(robot, name) for name in ("period", "X_FP", "calibration", "servo")}
     told |= dict.fromkeys(("move_joint", "tare", "stop"), lambda *_: None)
     return cast(Robot, SimpleNamespace(**told, state=lambda: state, servo_joint=servo_joint))
 
@@ -142,7 +142,7 @@ class _Probe:
         self.error: BaseException | None = None
         """Why the scan ends early."""
         self._progress = Progress(Phase.TRAVEL, row=float(first_row))
-        self._memory = ContactMemory.resting(-motion.clearance, robot.period)
+        self._memory = ContactMemory.resting(-motion.clearance, robot.servo, robot.period)
         self._state = robot.state()
         self._sent = Sent.resting(self._state.q)
         self._monitor = MonitorMemory.beginning(self._observation())
@@ -150,7 +150,7 @@ class _Probe:
         self._began = False
         """Whether a command was taken."""
         self._overspeed_time = 0.0
-        self._lag = LagEstimate.resting(self._state.q, robot.servo_lag, robot.period)
+        self._lag = LagEstimate.resting(self._state.q, robot.servo.lag, robot.period)
         self._tilt = TiltMemory()
         self._X_PF = se3.inverse(robot.X_FP)
         X_BP = robot.calibration.forward(motion.at(float(first_row))) @ robot.X_FP

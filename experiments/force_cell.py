@@ -18,11 +18,13 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
 from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
+from breastscan.servo import Servo
 from experiments import sections
 from sim import error_analysis
-from sim.arm.servo import PERIOD, ServoConfig
+from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue.breathing import BreathingConfig, Waveform
@@ -41,8 +43,8 @@ CLEARANCE = 0.012
 """From which the skin is approached [m]; the window of the approach."""
 RAMP_START, RAMP_LENGTH = 0.01, 0.05
 """Where on a cell's path the surface error grows [m]."""
-REPORTED_LAG = ServoConfig().nominal_lag
-"""What the robot says of its servo, also where that is later [s]."""
+REPORTED_SERVO = ServoConfig().servo
+"""What the robot says of its servo, also where that is later."""
 MASS_RADIUS, MASS_DEPTH = 0.010, 0.014
 """The stiff inclusion, and how deep its middle lies under the path [m]."""
 SETTLED = 0.1
@@ -77,7 +79,7 @@ class Cell:
     waveform: Waveform = "sine"
     surface_error: float = 0.0
     """By how much the plan comes to lie too deep, over 50 mm of path [m]."""
-    lag: float = REPORTED_LAG
+    lag: float = REPORTED_SERVO.lag
     """Of the servo [s], whatever the robot says."""
     whole_loop: bool = False
     """Whether the whole loop is gone along, and the probe's tilt judged."""
@@ -122,12 +124,12 @@ class Outcome:
 
 
 class LateRobot(SimRobot):
-    """A robot that tells the lag of its settings, whatever its servo does."""
+    """A robot that reports the nominal servo, whatever its own does."""
 
     @property
-    def servo_lag(self) -> float:
-        """[s]"""
-        return REPORTED_LAG
+    def servo(self) -> Servo:
+        """The nominal one."""
+        return REPORTED_SERVO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +193,7 @@ def _scene_config(cell: Cell) -> SceneConfig:
     return SceneConfig(
         phantom=PhantomConfig(young=cell.young, layers=layers),
         breathing=BreathingConfig(amplitude=cell.amplitude, rate=cell.rate, waveform=cell.waveform),
-        servo=ServoConfig(lookahead_time=cell.lag - ServoConfig().transport + PERIOD),
+        servo=ServoConfig(lookahead_time=cell.lag - REPORTED_SERVO.transport),
         wrist=WrenchSensorConfig(
             quality=cell.sensor, seed=cell.seed, pose_offset=None if cell.pose_offset else 0.0
         ),

@@ -12,7 +12,7 @@ from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
 from breastscan.robot.joint_motion import Trapezoid
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 
 ACCELERATION = 0.1
 """Along the path, at both ends [m/s^2]."""

@@ -6,7 +6,8 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
-from sim.arm.servo import PERIOD, ServoConfig, ServoJ
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.arm.servo import ServoConfig, ServoJ
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
 

@@ -15,9 +15,11 @@ from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import targets
+from breastscan.robot.ur.ur5e import PERIOD
+from breastscan.servo import Servo
 from sim.arm import divergence
 from sim.arm.drives import Drives
-from sim.arm.servo import PERIOD, ServoJ
+from sim.arm.servo import ServoJ
 from sim.arm.ur5e import joint_names
 from sim.scene import HOME_Q, Scene
 from sim.tissue.breathing import rise, rising_speed
@@ -80,7 +82,6 @@ class SimRobot:
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
         self._drives = Drives()
-        self._servo_lag = scene.config.servo.nominal_lag
         self.calibration = scene.calibration
         """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
         self._diverged: RobotError | None = None
@@ -103,11 +104,9 @@ class SimRobot:
         self._R_BF = data.body("flange").xmat.reshape(3, 3)
 
     @property
-    def servo_lag(self) -> float:
-        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport
-        and its law imply.
-        """
-        return self._servo_lag
+    def servo(self) -> Servo:
+        """How the arm follows the targets of `servo_joint`, by its present settings."""
+        return self._servo.config.servo
 
     def state(self) -> RobotState:
         """The latest sample."""

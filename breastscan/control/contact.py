@@ -17,6 +17,7 @@ from breastscan.control.servo_model import ServoModel
 from breastscan.control.surface import SkinEstimate, SurfaceConfig
 from breastscan.control.tilt import TiltConfig
 from breastscan.errors import ConfigError
+from breastscan.servo import Servo
 
 CONTACT_HZ = 10.0
 """Corner of the low-pass on the force that decides whether there is contact [Hz]."""
@@ -92,11 +93,11 @@ class ContactMemory:
     law: LawMemory
 
     @staticmethod
-    def resting(depth: float, period: float) -> "ContactMemory":
-        """At rest in the air, `depth` [m] from the planned skin."""
-        servo = ServoModel.resting(depth, period)
+    def resting(depth: float, servo: Servo, period: float) -> "ContactMemory":
+        """At rest in the air, `depth` [m] from the planned skin, on an arm with this servo."""
+        model = ServoModel.resting(depth, servo, period)
         return ContactMemory(
-            depth, 0.0, servo, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered())
+            depth, 0.0, model, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered())
         )
 
     @property

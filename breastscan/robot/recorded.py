@@ -2,6 +2,7 @@
 now.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from breastscan.errors import ConfigError, RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.ur.ur5e import SERVO
 from breastscan.run.columns import LOG_FILE, Trajectory
+from breastscan.servo import Servo
 
 READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
 """What is read of the log."""
@@ -48,7 +51,7 @@ class RecordedRobot:
         recording: Trajectory,
         *,
         calibration: KinematicCalibration | None = None,
-        servo_lag: float | None = None,
+        servo: Servo | None = None,
         tolerance: float = TOLERANCE,
     ) -> None:
         """Stand at the first row.
@@ -56,8 +59,8 @@ class RecordedRobot:
         Args:
             recording: What was done.
             calibration: The arm's kinematics in that run; None for the nominal ones.
-            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the
-                recording.
+            servo: The servo that the robot of that run said it had. A log does not hold it: None
+                fits the lag to the recording and assumes a UR's gain and transport for the rest.
             tolerance: Most by which a joint's target may differ from the recorded one [rad].
 
         Raises:
@@ -73,11 +76,13 @@ class RecordedRobot:
         """Control period of the recording [s]."""
         self.X_FP = _tool(self.calibration.forward(self._log.q), recording.X_BP)
         """Pose of the probe tip in the flange, as the recorded poses imply it."""
-        self.servo_lag = (
-            _lag(self._log.q, self._log.target, self.period) if servo_lag is None else servo_lag
+        self.servo = (
+            _assumed_servo(_lag(self._log.q, self._log.target, self.period))
+            if servo is None
+            else servo
         )
-        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the
-        whole recording."""
+        """How the recorded joints followed their targets: as given, or assumed, with a lag that is
+        fitted over the whole recording."""
         self._row = 0
 
     @staticmethod
@@ -174,6 +179,13 @@ def _tool(
             spread,
         )
     return X_FP[0]
+
+
+def _assumed_servo(lag: float) -> Servo:
+    """A UR's servoj that trails by `lag` [s]; where that is less than its transport, a delay."""
+    if lag <= SERVO.transport:
+        return Servo.pure_delay(max(lag, 0.0))
+    return replace(SERVO, lookahead_time=lag - SERVO.transport)
 
 
 def _lag(q: Float[np.ndarray, "n 6"], target: Float[np.ndarray, "n 6"], period: float) -> float:

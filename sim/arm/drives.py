@@ -13,7 +13,8 @@ import numba
 import numpy as np
 from jaxtyping import Float
 
-from sim.arm.servo import PERIOD, ServoJ
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.arm.servo import ServoJ
 from sim.arm.ur5e import JOINTS
 
 INTEGRAL_TIME = 0.1

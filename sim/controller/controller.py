@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo

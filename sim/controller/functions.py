@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse, reaching

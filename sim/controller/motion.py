@@ -12,8 +12,7 @@ from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, Trapezoid, braking
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
-from breastscan.robot.ur.ur5e import SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
 from sim.robot import SimRobot
 
 Motion = Callable[[SimRobot, float], bool]

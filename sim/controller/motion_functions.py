@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
+from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Callable
 from typing import Protocol
 
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
 from sim.controller.variables import INPUTS, OUTPUTS, Recipe

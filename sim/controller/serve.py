@@ -12,8 +12,8 @@ from pathlib import Path
 
 import polars as pl
 
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
-from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
 from sim.controller.functions import script_functions

@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable
 
 from breastscan.errors import RobotError
-from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, PERIOD, RTDE_PORT
 from sim.controller import dashboard, primary
 from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller

@@ -11,8 +11,10 @@ from breastscan.control.laws import LAWS, Reference
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
 from breastscan.errors import ConfigError
+from breastscan.servo import Servo
 
-PERIOD, LAG = 0.002, 0.034
+SERVO = Servo(lookahead_time=0.03, gain=2000.0, transport=0.004)
+PERIOD, LAG = 0.002, SERVO.lag
 
 
 def press(
@@ -29,7 +31,8 @@ def press(
     """
     config = ContactConfig(law=law, **settings)
     start = 0.5 / stiffness
-    memory, tip = ContactMemory.resting(start, PERIOD), ServoModel.resting(start, PERIOD)
+    memory = ContactMemory.resting(start, SERVO, PERIOD)
+    tip = ServoModel.resting(start, SERVO, PERIOD)
     memory = contact.sense(memory, 0.5, config, PERIOD)
     memory, forces = contact.begin(memory, config), []
     for k in range(round(duration / PERIOD)):
@@ -80,7 +83,7 @@ def test_the_observer_follows_breathing_several_times_more_closely_than_a_fixed_
 def test_one_period_never_passes_the_limits_of_rate_acceleration_and_depth(law, force, rate, depth):
     config = ContactConfig(law=law)
     memory = contact.begin(
-        contact.sense(ContactMemory.resting(depth, PERIOD), 0.5, config, PERIOD), config
+        contact.sense(ContactMemory.resting(depth, SERVO, PERIOD), 0.5, config, PERIOD), config
     )
     memory = contact.advance(memory, rate, 1e9, LAG, PERIOD)
     before = contact.sense(memory, force, config, PERIOD)
@@ -106,7 +109,7 @@ def test_no_law_winds_up_while_a_bound_holds_it(law):
 
 
 def test_the_approach_gathers_speed_no_faster_than_its_acceleration():
-    memory = ContactMemory.resting(-0.03, PERIOD)
+    memory = ContactMemory.resting(-0.03, SERVO, PERIOD)
     for _ in range(5):
         memory = contact.advance(memory, 0.01, 0.5, LAG, PERIOD)
     assert memory.rate == pytest.approx(0.005)
@@ -118,7 +121,7 @@ def test_the_approach_gathers_speed_no_faster_than_its_acceleration():
 @pytest.mark.parametrize(("noise", "corner"), [(0.05, 100.0), (0.3, 50.0)])
 def test_noise_is_learnt_in_the_air_and_never_taken_for_contact(noise, corner):
     config, rng = ContactConfig(), np.random.default_rng(1)
-    memory = ContactMemory.resting(-0.03, PERIOD)
+    memory = ContactMemory.resting(-0.03, SERVO, PERIOD)
     band = 1 - np.exp(-2 * np.pi * corner * PERIOD)
     passed = 0.0
     for _ in range(3000):
@@ -129,7 +132,7 @@ def test_noise_is_learnt_in_the_air_and_never_taken_for_contact(noise, corner):
 
 
 def test_contact_ends_at_less_force_than_it_begins():
-    config, memory = ContactConfig(), ContactMemory.resting(0.0, PERIOD)
+    config, memory = ContactConfig(), ContactMemory.resting(0.0, SERVO, PERIOD)
     for _ in range(200):
         memory = contact.sense(memory, 0.4, config, PERIOD)
     assert not contact.touches(memory, config)
@@ -156,7 +159,7 @@ def test_where_the_skin_is_not_felt_the_tip_comes_at_it_no_faster_than_at_first(
     """
     config = ContactConfig(law=law)
     memory = contact.begin(
-        contact.sense(ContactMemory.resting(0.0, PERIOD), 0.5, config, PERIOD), config
+        contact.sense(ContactMemory.resting(0.0, SERVO, PERIOD), 0.5, config, PERIOD), config
     )
     rates = []
     for _ in range(500):
@@ -171,7 +174,7 @@ def test_where_the_skin_is_not_felt_the_tip_comes_at_it_no_faster_than_at_first(
 def test_a_body_that_is_approached_slowly_is_pressed_slowly(law):
     slow = ContactConfig(law=law, phases=PhaseConfig(approach_speed=0.003))
     memory = contact.begin(
-        contact.sense(ContactMemory.resting(0.0, PERIOD), 1.0, slow, PERIOD), slow
+        contact.sense(ContactMemory.resting(0.0, SERVO, PERIOD), 1.0, slow, PERIOD), slow
     )
     for _ in range(200):
         memory = contact.sense(memory, 1.0, slow, PERIOD)

@@ -120,14 +120,14 @@ def scanned(scene, tmp_path_factory):
 def test_the_same_controller_runs_through_its_own_recording_to_a_micro_radian(scene, scanned):
     """Nothing that matters to it is missing in the log."""
     motion, folder = scanned
-    robot = RecordedRobot.load(folder, servo_lag=SimRobot(scene).servo_lag, tolerance=1e-6)
+    robot = RecordedRobot.load(folder, servo=SimRobot(scene).servo, tolerance=1e-6)
     execution.execute(robot, motion, FORCE, SafetyLimits(), log=[])
     assert robot.rows_left == 0
 
 
 def test_the_lag_is_fitted_to_a_tenth_of_a_millisecond(scene, scanned):
-    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(
-        SimRobot(scene).servo_lag, abs=1e-4
+    assert RecordedRobot.load(scanned[1]).servo.lag == pytest.approx(
+        SimRobot(scene).servo.lag, abs=1e-4
     )
 
 

@@ -26,12 +26,9 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults, targets
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
-from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
 from breastscan.robot.ur.worker import TARGET, LinkLimits, WorkerSetup, serve
 
-TRANSPORT = 0.004
-"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one
-until its effect is told."""
 ANSWER_TIME = 0.2
 """Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
 simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
@@ -85,9 +82,8 @@ class RtdeRobot:
 
     period = PERIOD
     """Control period [s]."""
-    servo_lag = TRANSPORT + LOOKAHEAD_TIME
-    """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's
-    law imply."""
+    servo = SERVO
+    """How the arm follows the targets of `servo_joint`."""
 
     def __init__(self, config: RtdeConfig) -> None:
         """Connect and take the arm over where it stands.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import FASTEST, Controller
 from sim.controller.functions import script_functions
