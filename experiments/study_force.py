@@ -19,7 +19,7 @@ from rich.progress import track
 from scipy.stats import qmc
 
 from breastscan.control.contact import ContactConfig
-from breastscan.control.laws import LawName
+from breastscan.control.laws import DEFAULT_LAW, LAW_NAMES, LawName
 from breastscan.errors import ConfigError
 from breastscan.run import writing
 from breastscan.run.versions import versions
@@ -27,9 +27,7 @@ from experiments import force_cell, force_figures
 from experiments.force_cell import Cell, Outcome
 from sim.wrist.wrench_errors import Quality
 
-LAWS: tuple[LawName, ...] = get_args(LawName)
 SENSORS: tuple[Quality, ...] = get_args(Quality)
-DEFAULT = ContactConfig().law
 FACTORS: dict[str, dict] = {
     "nominal": {},
     "20 kPa": {"young": 20e3},
@@ -137,10 +135,10 @@ def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
     """
     study = study or ForceStudy()
     # what is computed once and kept, before two processes need it
-    force_cell.run(Cell(law=DEFAULT, mass_ratio=4.0))
+    force_cell.run(Cell(law=DEFAULT_LAW, mass_ratio=4.0))
     with writing.staged(out) as folder:
         result = _result(study, seed, _parallel(study.jobs))
-        figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT])
+        figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT_LAW])
         page = [
             *_page(result, study),
             *(f"![{caption}]({name})" for name, caption in figures.items()),
@@ -183,28 +181,30 @@ def _result(
 ) -> Result:
     seeds = range(seed, seed + study.seeds)
     required = [
-        Cell(law=DEFAULT, **{**where, "seed": each})
+        Cell(law=DEFAULT_LAW, **{**where, "seed": each})
         for _, where in REQUIRED.values()
         for each in seeds
     ]
-    whole = [Cell(law=DEFAULT, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
-    by_sensor = [Cell(law=law, sensor=sensor, seed=seed) for sensor in SENSORS for law in LAWS]
-    by_factor = [Cell(law=law, seed=seed, **factor) for factor in FACTORS.values() for law in LAWS]
-    everywhere = cells(study.samples, seed, DEFAULT)
+    whole = [Cell(law=DEFAULT_LAW, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
+    by_sensor = [Cell(law=law, sensor=sensor, seed=seed) for sensor in SENSORS for law in LAW_NAMES]
+    by_factor = [
+        Cell(law=law, seed=seed, **factor) for factor in FACTORS.values() for law in LAW_NAMES
+    ]
+    everywhere = cells(study.samples, seed, DEFAULT_LAW)
     others = [
         replace(cell, law=law)
-        for law in LAWS
-        if law != DEFAULT
+        for law in LAW_NAMES
+        if law != DEFAULT_LAW
         for cell in everywhere[: study.compared]
     ]
     done = iter(outcomes([*by_factor, *by_sensor, *whole, *required, *everywhere, *others]))
-    factors = {name: {law: next(done) for law in LAWS} for name in FACTORS}
-    sensors = {sensor: {law: next(done) for law in LAWS} for sensor in SENSORS}
+    factors = {name: {law: next(done) for law in LAW_NAMES} for name in FACTORS}
+    sensors = {sensor: {law: next(done) for law in LAW_NAMES} for sensor in SENSORS}
     loops = {sensor: next(done) for sensor in SENSORS}
     judged = {name: [next(done) for _ in seeds] for name in REQUIRED}
-    hypercube = {DEFAULT: [next(done) for _ in everywhere]}
-    for law in LAWS:
-        if law != DEFAULT:
+    hypercube = {DEFAULT_LAW: [next(done) for _ in everywhere]}
+    for law in LAW_NAMES:
+        if law != DEFAULT_LAW:
             hypercube[law] = [next(done) for _ in everywhere[: study.compared]]
     return Result(
         sensors=sensors, required=judged, whole=loops, factors=factors, hypercube=hypercube
@@ -225,7 +225,7 @@ def _page(result: Result, study: ForceStudy) -> list[str]:
 
 def _required_table(required: dict[str, list[Outcome]], seeds: int) -> list[str]:
     lines = [
-        f"RMS of the true force error, law `{DEFAULT}`, {seeds} seeds [N].",
+        f"RMS of the true force error, law `{DEFAULT_LAW}`, {seeds} seeds [N].",
         "",
         "| circumstance | at most | mean | worst seed | bias, RMS over seeds | of the sensor, "
         "below 10 Hz |",
@@ -251,7 +251,7 @@ def _contact_table(result: Result) -> list[str]:
         "|---|---|---|---|---|",
     ]
     contacts = {
-        **{name: result.factors[name][DEFAULT] for name in ("20 kPa", "40 kPa")},
+        **{name: result.factors[name][DEFAULT_LAW] for name in ("20 kPa", "40 kPa")},
         **{f"whole loop, {sensor}": outcome for sensor, outcome in result.whole.items()},
     }
     for name, o in contacts.items():
@@ -266,11 +266,11 @@ def _law_table(title: str, rows: dict[str, dict[str, Outcome]]) -> list[str]:
         "RMS of the true force error / its largest value over the set-point at any time [N]; * "
         "left 8 mm of indentation, † ended by the supervisor.",
         "",
-        f"| {title} | {' | '.join(LAWS)} |",
-        f"|---|{'---|' * len(LAWS)}",
+        f"| {title} | {' | '.join(LAW_NAMES)} |",
+        f"|---|{'---|' * len(LAW_NAMES)}",
     ]
     for name, outcomes in rows.items():
-        lines.append(f"| {name} | {' | '.join(_figure(outcomes[law]) for law in LAWS)} |")
+        lines.append(f"| {name} | {' | '.join(_figure(outcomes[law]) for law in LAW_NAMES)} |")
     return [*lines, ""]
 
 
@@ -287,7 +287,7 @@ def _hypercube_table(hypercube: dict[str, list[Outcome]], compared: int) -> list
         "left 8 mm | ended |",
         "|---|---|---|---|---|---|---|",
     ]
-    return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAWS), ""]
+    return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAW_NAMES), ""]
 
 
 def _spread(outcomes: list[Outcome]) -> str:
@@ -310,13 +310,15 @@ def _spread(outcomes: list[Outcome]) -> str:
 def _extremes_table(result: Result) -> list[str]:
     """How far the default law's true force went from the set-point in all cells inside 8 mm."""
     everything = [
-        o for outcomes in (*result.required.values(), result.hypercube[DEFAULT]) for o in outcomes
+        o
+        for outcomes in (*result.required.values(), result.hypercube[DEFAULT_LAW])
+        for o in outcomes
     ]
     everything += [
-        outcomes[DEFAULT] for outcomes in (*result.factors.values(), *result.sensors.values())
+        outcomes[DEFAULT_LAW] for outcomes in (*result.factors.values(), *result.sensors.values())
     ]
     lines = [
-        f"All cells of `{DEFAULT}`, by sensor.",
+        f"All cells of `{DEFAULT_LAW}`, by sensor.",
         "",
         "| sensor | cells | left 8 mm | ended | most over the set-point [N] | least share of it in "
         "the loop |",

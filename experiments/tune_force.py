@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from breastscan.control.contact import ContactConfig
-from breastscan.control.laws import LAWS
+from breastscan.control.laws import LAW_NAMES
 from breastscan.run import writing
 from experiments.reduced_contact import SENSORS, Plant, breathing, ramped, run, together, waviness
 
@@ -187,13 +187,13 @@ def main(out: Path = Path("out/tune_force")) -> None:
     console = Console(width=160)
     work = joblib.Parallel(n_jobs=2, return_as="generator")
     tuned: dict[Any, tuple[dict[str, float], float]] = {}
-    found: Any = work(joblib.delayed(tune)(law) for law in LAWS)
-    for law, (values, least) in zip(LAWS, found, strict=True):
+    found: Any = work(joblib.delayed(tune)(law) for law in LAW_NAMES)
+    for law, (values, least) in zip(LAW_NAMES, found, strict=True):
         console.print(
             law, round(least, 3), {name: float(f"{value:.3g}") for name, value in values.items()}
         )
         tuned[law] = values, least
-    table = Table("case", *LAWS, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
+    table = Table("case", *LAW_NAMES, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
     configs = {
         law: with_values(ContactConfig(law=law), values) for law, (values, _) in tuned.items()
     }

@@ -1,6 +1,7 @@
 """A scan on a perfect arm over an elastic plane, where every force is known in closed form."""
 
 import signal
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -45,13 +46,13 @@ def motion():
     return Motion(q=q, qd=qd, s=s, q_approach=clear, clearance=CLEARANCE)
 
 
-def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
+def scan(motion, height=SKIN, stiffness=1000.0, late=0, config=ContactConfig(), **options):  # noqa: B008 (frozen)
     """The robot, its trajectory, and the error that ended the scan, if any."""
     robot = SpringRobot(motion.q_approach, height, stiffness, late)
     log = []
     error = None
     try:
-        execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
+        execution.execute(robot, motion, config, SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
         error = caught
     return robot, execution.trajectory(log, motion, robot), error
@@ -71,6 +72,26 @@ def loop_force(table):
 
 def test_the_loop_holds_five_newtons_within_a_tenth(motion):
     _, table, _ = scan(motion)
+    assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+@dataclass(frozen=True)
+class Proportional:
+    """A force law of a user's own."""
+
+    gain: float = 0.01
+    """Speed per force error [m/s/N]."""
+
+    def begin(self, force):
+        return None
+
+    def speed(self, measurement, reference, memory):
+        return self.gain * (reference.force - measurement.force), memory
+
+
+def test_a_law_of_ones_own_holds_five_newtons_within_a_tenth(motion):
+    _, table, error = scan(motion, late=4, config=ContactConfig(law=Proportional()))
+    assert error is None
     assert np.abs(loop_force(table) - 5.0).max() < 0.1
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from breastscan.control.laws import Reference
+from breastscan.control.force_law import Reference
 from breastscan.errors import BreastScanError, RobotError, SafetyError
 
 
