@@ -10,7 +10,7 @@ import numpy as np
 import scipy.signal
 from jaxtyping import Float
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.control.phases import Phase
@@ -175,7 +175,7 @@ def run(cell: Cell) -> Outcome:
             execution.execute(robot, motion, config, SafetyLimits(), log=log, q_home=above_end)
         except BreastScanError as error:
             ended = str(error)
-    went, truth = execution.trajectory(log, motion, robot), robot.truth_log()
+    went, truth = scan_log.trajectory(log, motion, robot), robot.truth_log()
     places = (
         error_analysis.contact_places(went, truth, tissue, ground().truth)
         if cell.whole_loop

@@ -21,8 +21,9 @@ PRODUCT = {
     **dict.fromkeys(STAGES, UNDER | {"run"}),
     "cell": ALL_STAGES,
     "interruptions": set(),
+    "scan_log": ALL_STAGES,
     "execution": ALL_STAGES | {"interruptions"},
-    "scan": ALL_STAGES | {"cell", "execution"},
+    "scan": ALL_STAGES | {"cell", "execution", "scan_log"},
     "report": UNDER | {"run"},
 }
 """What each room of the product may import, itself aside."""

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, RobotError
@@ -43,7 +43,7 @@ def recorded(robot, targets):
         q_approach=np.zeros(6),
         clearance=0.01,
     )
-    return execution.trajectory(log, nowhere, robot)
+    return scan_log.trajectory(log, nowhere, robot)
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def scanned(scene, tmp_path_factory):
     robot = SimRobot(scene, tissue, motion.q_approach)
     log = execution.execute(robot, motion, FORCE, SafetyLimits())
     folder = tmp_path_factory.mktemp("run")
-    execution.trajectory(log, motion, robot).save(folder / "trajectory.parquet")
+    scan_log.trajectory(log, motion, robot).save(folder / "trajectory.parquet")
     return motion, folder
 
 
