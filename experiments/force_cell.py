@@ -46,9 +46,9 @@ RAMP_START, RAMP_LENGTH = 0.01, 0.05
 REPORTED_SERVO = ServoConfig().servo
 """What the robot says of its servo, also where that is later."""
 MASS_RADIUS, MASS_DEPTH = 0.010, 0.014
-"""The stiff inclusion, and how deep its middle lies under the path [m]."""
+"""The stiff inclusion, and how deep its centre lies under the path [m]."""
 SETTLED = 0.1
-"""Share of the set-point within which the first contact counts as settled."""
+"""Fraction of the set-point within which the first contact counts as settled."""
 READING_HZ = 10.0
 """Below this the sensor's errors reach the skin; above, the servo and the laws hold them off
 [Hz]."""
@@ -82,13 +82,13 @@ class Cell:
     lag: float = REPORTED_SERVO.lag
     """Of the servo [s], whatever the robot says."""
     whole_loop: bool = False
-    """Whether the whole loop is gone along, and the probe's tilt judged."""
+    """Whether the whole loop is followed, and the probe's tilt assessed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """True forces along the probe axis; what is asked of the loop is asked from 1 s after it
-    starts.
+    """True forces along the probe axis; what is required of the loop is assessed from 1 s after
+    it starts.
     """
 
     cell: Cell
@@ -98,7 +98,7 @@ class Outcome:
     """Of the force, over the loop [N]; NaN where it was not reached."""
     bias: float
     """Its mean error [N]."""
-    sensor_share: float
+    sensor_rms: float
     """RMS of the sensor's error below 10 Hz over the loop [N]."""
     highest: float
     """Force at any time [N]."""
@@ -113,7 +113,7 @@ class Outcome:
     tangential: tuple[float, float, float]
     """Mean absolute deviation from the plan across the probe axis, in B [m]."""
     tilt_deg: tuple[float, float]
-    """Mean and largest angle between probe and skin, where it was judged."""
+    """Mean and largest angle between probe and skin, where it was assessed."""
     trace: Float[np.ndarray, "n"]
     """Force error over the loop, one value a period [N]."""
 
@@ -160,7 +160,7 @@ def _tissue(config: PhantomConfig) -> SoftTissue:
 
 
 def run(cell: Cell) -> Outcome:
-    """Scan, and judge by the truth."""
+    """Scan, and assess by the truth."""
     scene = Scene(_scene_config(cell))
     tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
@@ -169,7 +169,7 @@ def run(cell: Cell) -> Outcome:
     ended = ""
     config = ContactConfig(law=cell.law, force=cell.force)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where the tissue leaves its linear range is told apart
+        warnings.simplefilter("ignore")  # the tissue beyond its linear range is reported apart
         try:
             above_end = motion.lifted(len(motion.q) - 1, scene.X_FP, scene.calibration)
             execution.execute(robot, motion, config, SafetyLimits(), log=log, q_home=above_end)
@@ -181,7 +181,7 @@ def run(cell: Cell) -> Outcome:
         if cell.whole_loop
         else None
     )
-    return _judged(cell, ended, error_analysis.with_truth(went, truth, places))
+    return _assessed(cell, ended, error_analysis.with_truth(went, truth, places))
 
 
 def _scene_config(cell: Cell) -> SceneConfig:
@@ -207,11 +207,11 @@ def _motion(cell: Cell, scene: Scene) -> Motion:
     whole = ground().motion
     total = float(whole.s[-1])
     length = total if cell.whole_loop else min(max(LEAST_LENGTH, LOOP_TIME * cell.speed), total)
-    share = np.random.default_rng(cell.seed).uniform() if cell.mass_ratio == 1.0 else 0.5
+    fraction = np.random.default_rng(cell.seed).uniform() if cell.mass_ratio == 1.0 else 0.5
     part = sections.section(
         whole,
         scene.X_FP,
-        start=share * (total - length),
+        start=fraction * (total - length),
         length=length,
         speed=cell.speed,
         clearance=CLEARANCE,
@@ -222,9 +222,9 @@ def _motion(cell: Cell, scene: Scene) -> Motion:
     return part
 
 
-def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
-    assert went.true_force is not None, "judged by the truth"
-    assert went.true_depth is not None, "judged by the truth"
+def _assessed(cell: Cell, ended: str, went: Trajectory) -> Outcome:
+    assert went.true_force is not None, "assessed by the truth"
+    assert went.true_depth is not None, "assessed by the truth"
     time, phase = went.t, np.array(went.phase)
     force, reading = went.true_force, went.pressing_force
     loop = np.flatnonzero(phase == Phase.LOOP)
@@ -240,7 +240,7 @@ def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
         ended=ended,
         rmse=rms(error) if steady.size else np.nan,
         bias=float(error.mean()) if steady.size else np.nan,
-        sensor_share=rms(_slow(reading - force)[steady]) if steady.size else np.nan,
+        sensor_rms=rms(_slow(reading - force)[steady]) if steady.size else np.nan,
         highest=float(force.max()),
         lowest=float(force[loop].min()) if loop.size else np.nan,
         indentation=float(went.true_depth.max()),

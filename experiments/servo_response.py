@@ -1,4 +1,4 @@
-"""The arm's answer to a ramp and to a step of its joint targets, for settings of servoj."""
+"""The arm's response to a ramp and to a step of its joint targets, for settings of servoj."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -18,21 +18,21 @@ RAMP_SPEED = 0.2
 STEP = 0.005
 """Height of the step [rad]: what servoj takes at once."""
 DURATION = 3.0
-"""Longest that an answer is watched [s]."""
+"""Longest that a response is recorded [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """What the arm's six joints do about one setting of servoj, sampled every period."""
+    """How the arm's six joints respond to one setting of servoj, sampled every period."""
 
     config: ServoConfig
     ramp_lag: Float[np.ndarray, "6"]
     """Time by which each joint trails the steady ramp [s]."""
     step: Float[np.ndarray, "n 6"]
-    """Way of each joint over the step's height [-]; row k is what `state` tells after the target of
-    period k."""
+    """Offset of each joint over the step's height [-]; row k is what `state` tells after the target
+    of period k."""
     law: Float[np.ndarray, "n"]
-    """The same as servoj asks it of the drives."""
+    """The same as servoj commands it."""
 
     @property
     def half_time(self) -> Float[np.ndarray, "6"]:
@@ -59,7 +59,7 @@ def respond(config: ServoConfig) -> Response:
         config=config,
         ramp_lag=lag,
         step=_followed(scene, steps) / STEP,
-        law=_asked(config, steps) / STEP,
+        law=_commanded(config, steps) / STEP,
     )
 
 
@@ -71,18 +71,18 @@ def sweep() -> list[Response]:
     ]
 
 
-def _followed(scene: Scene, ways: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
-    """Ways of the joints that are sent `ways` [rad] from where the arm is parked."""
+def _followed(scene: Scene, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
+    """Offsets of the joints that are sent `offsets` [rad] from where the arm is parked."""
     robot, rows = SimRobot(scene), []
-    for way in ways:
-        robot.servo_joint(HOME_Q + way)
+    for offset in offsets:
+        robot.servo_joint(HOME_Q + offset)
         rows.append(robot.state().q - HOME_Q)
     return np.array(rows)
 
 
-def _asked(config: ServoConfig, ways: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _commanded(config: ServoConfig, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     servo, rows = ServoJ(config, np.zeros(6)), []
-    for way in ways:
+    for offset in offsets:
         rows.append(servo.q_end[0])
-        servo.follow(np.full(6, way))
+        servo.follow(np.full(6, offset))
     return np.array(rows)

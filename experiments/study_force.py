@@ -2,9 +2,9 @@
 same circumstances.
 
 Every cell is one contact scan (`experiments.force_cell`): the nominal one with each law and sensor,
-what is asked of the scan's own law, one factor at a time, and a Latin hypercube over all factors at
-once. Gains come from one fair search (`experiments.tune_force`); the seeds here are others. `python
--m experiments.study_force --help` tells how to make it shorter.
+what is required of the scan's own law, one factor at a time, and a Latin hypercube over all factors
+at once. Gains come from one fair search (`experiments.tune_force`); the seeds here are others.
+`python -m experiments.study_force --help` tells how to make it shorter.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,7 +43,7 @@ FACTORS: dict[str, dict] = {
     "10 mm farther": {"surface_error": -0.010},
     "servo at 42 ms": {"lag": 0.042},
 }
-"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is asked of
+"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is required of
 it."""
 
 REQUIRED: dict[str, tuple[float, dict]] = {
@@ -69,7 +69,7 @@ REQUIRED: dict[str, tuple[float, dict]] = {
         FACTORS["breathing, cos⁴"] | {"sensor": "ideal", "young": 40e3},
     ),
 }
-"""RMS force error asked of the scan's law [N], and where."""
+"""RMS force error required of the scan's law [N], and where."""
 
 RANGES: dict[str, tuple[float, float]] = {
     "young": (15e3, 60e3),
@@ -98,7 +98,7 @@ class ForceStudy:
     compared: int = 40
     """The first of them, which the other laws see as well."""
     seeds: int = 10
-    """Sensors and places on the path, of what is asked of the scan's law."""
+    """Sensors and places on the path, of what is required of the scan's law."""
     jobs: int = 2
     """Processes."""
 
@@ -117,7 +117,7 @@ class Result:
     sensors: dict[str, dict[str, Outcome]]
     """By sensor."""
     required: dict[str, list[Outcome]]
-    """By what is asked; one a seed."""
+    """By what is required; one a seed."""
     whole: dict[str, Outcome]
     """The whole loop, by sensor."""
     factors: dict[str, dict[str, Outcome]]
@@ -155,10 +155,10 @@ def cells(points: int, seed: int, law: LawName) -> list[Cell]:
     sampled = qmc.LatinHypercube(len(names), rng=seed).random(points)
     drawn = []
     for number, point in enumerate(sampled):
-        shares = dict(zip(names, point.tolist(), strict=True))
-        values = {name: low + shares[name] * (high - low) for name, (low, high) in RANGES.items()}
+        place = dict(zip(names, point.tolist(), strict=True))
+        values = {name: low + place[name] * (high - low) for name, (low, high) in RANGES.items()}
         chosen = {
-            name: options[int(shares[name] * len(options))] for name, options in CHOICES.items()
+            name: options[int(place[name] * len(options))] for name, options in CHOICES.items()
         }
         drawn.append(Cell(law=law, seed=seed + number, **values, **chosen))
     return drawn
@@ -201,13 +201,13 @@ def _result(
     factors = {name: {law: next(done) for law in LAW_NAMES} for name in FACTORS}
     sensors = {sensor: {law: next(done) for law in LAW_NAMES} for sensor in SENSORS}
     loops = {sensor: next(done) for sensor in SENSORS}
-    judged = {name: [next(done) for _ in seeds] for name in REQUIRED}
+    assessed = {name: [next(done) for _ in seeds] for name in REQUIRED}
     hypercube = {DEFAULT_LAW: [next(done) for _ in everywhere]}
     for law in LAW_NAMES:
         if law != DEFAULT_LAW:
             hypercube[law] = [next(done) for _ in everywhere[: study.compared]]
     return Result(
-        sensors=sensors, required=judged, whole=loops, factors=factors, hypercube=hypercube
+        sensors=sensors, required=assessed, whole=loops, factors=factors, hypercube=hypercube
     )
 
 
@@ -232,18 +232,18 @@ def _required_table(required: dict[str, list[Outcome]], seeds: int) -> list[str]
         "|---|---|---|---|---|---|",
     ]
     for (name, outcomes), (bar, _) in zip(required.items(), REQUIRED.values(), strict=True):
-        rmse, bias, share = (
-            [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_share")
+        rmse, bias, sensor = (
+            [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_rms")
         )
         limit = f"{bar:.2f}" if np.isfinite(bar) else "-"
-        figures = np.mean(rmse), np.max(rmse), np.sqrt(np.mean(np.square(bias))), np.mean(share)
+        figures = np.mean(rmse), np.max(rmse), np.sqrt(np.mean(np.square(bias))), np.mean(sensor)
         lines.append(f"| {name} | {limit} | {' | '.join(f'{value:.3f}' for value in figures)} |")
     return [*lines, ""]
 
 
 def _contact_table(result: Result) -> list[str]:
     lines = [
-        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the way "
+        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the motion "
         "along the path.",
         "",
         "| circumstance | overshoot [N] | within 10 % after [s] | off the plan, X, Y, Z [mm] | "
@@ -283,8 +283,8 @@ def _hypercube_table(hypercube: dict[str, list[Outcome]], compared: int) -> list
     lines = [
         f"The first {compared} points of the hypercube, those inside 8 mm of indentation.",
         "",
-        "| law | RMSE, median [N] | 90 % [N] | most over the set-point [N] | least share of it | "
-        "left 8 mm | ended |",
+        "| law | RMSE, median [N] | 90 % [N] | largest over the set-point [N] | "
+        "lowest fraction of it | left 8 mm | ended |",
         "|---|---|---|---|---|---|---|",
     ]
     return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAW_NAMES), ""]
@@ -297,12 +297,12 @@ def _spread(outcomes: list[Outcome]) -> str:
     if not inside:
         return f"- | - | - | - | {beyond} | {ended}"
     rmse = [o.rmse for o in inside]
-    over, share = (
+    over, fraction = (
         max(o.highest - o.cell.force for o in inside),
         min(o.lowest / o.cell.force for o in inside),
     )
     return (
-        f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {share:.2f} | "
+        f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {fraction:.2f} | "
         f"{beyond} | {ended}"
     )
 
@@ -320,21 +320,21 @@ def _extremes_table(result: Result) -> list[str]:
     lines = [
         f"All cells of `{DEFAULT_LAW}`, by sensor.",
         "",
-        "| sensor | cells | left 8 mm | ended | most over the set-point [N] | least share of it in "
-        "the loop |",
+        "| sensor | cells | left 8 mm | ended | largest over the set-point [N] | "
+        "lowest fraction of it in the loop |",
         "|---|---|---|---|---|---|",
     ]
     for sensor in SENSORS:
         here = [o for o in everything if o.cell.sensor == sensor]
         inside = [o for o in here if o.inside]
         over = max((o.highest - o.cell.force for o in inside), default=np.nan)
-        share = min(
+        fraction = min(
             (o.lowest / o.cell.force for o in inside if not np.isnan(o.lowest)), default=np.nan
         )
         ended = sum(bool(o.ended) for o in here)
         lines.append(
             f"| {sensor} | {len(here)} | {len(here) - len(inside)} | {ended} | {over:.2f} | "
-            f"{share:.2f} |"
+            f"{fraction:.2f} |"
         )
     reasons = sorted({o.ended for o in everything if o.ended})
     return [*lines, "", *(f"- {reason}" for reason in reasons), ""]

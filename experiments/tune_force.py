@@ -3,8 +3,8 @@
 `python -m experiments.tune_force` searches on the reduced model (`experiments.reduced_contact`):
 scrambled Sobol points over wide bounds, then Nelder and Mead's simplex from the best of them, every
 law with the same number of evaluations. An evaluation is the mean error over all cases, each over
-what is asked of it; among the cases is a plant that nobody told the law of, half as stiff again and
-with a servo 8 ms later. What ships are the gains that come out.
+what is required of it; among the cases is a plant that the law does not know, half as stiff again
+and with a servo 8 ms later. What ships are the gains that come out.
 """
 
 from collections.abc import Callable
@@ -76,7 +76,7 @@ BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One situation, and the error that is asked for in it."""
+    """One situation, and the error that is required in it."""
 
     plant: Callable[[int], Plant]
     """Of a seed."""

@@ -22,7 +22,7 @@ MAX_CORRECTION = 0.5
 
 @dataclass(frozen=True)
 class LagEstimate:
-    """The servo's lag, as far as the motion has told it."""
+    """The servo's lag, as estimated from the motion."""
 
     nominal: float
     """Lag that is assumed before [s]."""

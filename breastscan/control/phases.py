@@ -175,7 +175,7 @@ def step(
 
 
 def escape(progress: Progress, felt: float) -> Progress:
-    """The way out of any phase; the skin was `felt` at that depth [m], 0 where it was not."""
+    """The escape from any phase; the skin was `felt` at that depth [m], 0 where it was not."""
     return (
         progress
         if progress.phase in (Phase.ESCAPE, Phase.DONE)

@@ -23,8 +23,8 @@ class SafetyLimits:
     force: float = 15.0
     """Contact force in any direction [N]: a tenth of what industry allows for the chest [DGUV]."""
     force_margin: float = 5.0
-    """Pressing force above the set-point [N]: what the retreat leaves of the way to 15 N, while the
-    skin comes at it with 40 mm/s through the servo's lag, on tissue of 2 kN/m."""
+    """Pressing force above the set-point [N]: what the retreat needs up to 15 N, while the skin
+    comes at it with 40 mm/s through the servo's lag, on tissue of 2 kN/m."""
     pull: float = 5.0
     """Force that draws the probe into the tissue [N]: gel does not, so the sensor must be wrong by
     as much."""
@@ -44,7 +44,7 @@ class SafetyLimits:
     """Time for which all six channels may repeat themselves to the last bit while the tip moves
     [s]."""
     stuck_distance: float = 0.2e-3
-    """How far the tip must have gone along its axis meanwhile [m]: .1 N on soft tissue, more than
+    """How far the tip must have moved along its axis meanwhile [m]: .1 N on soft tissue, more than
     any sensor rounds."""
     silence: float = 0.03
     """Time for which commands may go out without a new state coming in [s]."""
@@ -140,7 +140,7 @@ def check_skin(
 
 @dataclass(frozen=True)
 class JointCommand:
-    """What the controller wants of the robot."""
+    """What the controller commands, before the supervisor limits it."""
 
     q: Float[np.ndarray, "6"]
     """Joint target [rad]."""

@@ -20,7 +20,7 @@ def test_the_default_law_holds_five_newtons_on_the_twin(nominal):
     assert not nominal.ended
     assert nominal.inside
     assert nominal.rmse < 0.1
-    assert nominal.sensor_share < 1e-9
+    assert nominal.sensor_rms < 1e-9
     assert nominal.overshoot < 0.3
     assert nominal.settling < 0.6
     assert max(nominal.tangential) < 0.1e-3

@@ -11,9 +11,9 @@ ANGLE_LIMIT = np.deg2rad(360.0)
 SPEED_LIMIT = np.deg2rad(180.0)
 """Of every joint [rad/s] [UR-limits]."""
 SERVO = Servo(lookahead_time=0.03, gain=2000.0, transport=0.004)
-"""servoj as it is called here: the shortest look-ahead time of the manual's, so the least lag, and
-the highest gain [UR-script]; two periods of transport, one until the program reads a target and one
-until its effect is told [UR-lag]."""
+"""servoj as it is called here: the shortest look-ahead time that the manual allows, so the least
+lag, and the highest gain [UR-script]; two periods of transport, one until the program reads a
+target and one until its effect is told [UR-lag]."""
 RTDE_PORT, DASHBOARD_PORT = 30004, 29999
 """Fixed by the controller [UR-rtde-guide]."""
 MODEL = "UR5"

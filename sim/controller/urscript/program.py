@@ -20,7 +20,7 @@ SLICE = 0.01
 well [s]: fifty times what a client's program takes, so that it never depends on the machine when
 one ends."""
 BETWEEN_LOOKS = 10
-"""Steps between two looks at that time, if none is costly."""
+"""Steps between two checks of that time, if none is costly."""
 DEEPEST_CALL = 100
 """Functions that call each other."""
 MAX_THREADS = 50
@@ -31,7 +31,7 @@ MOVED = -1
 WAITING = -2
 LOOK = -3
 """In place of the next step: the thread is in another routine now; it waits for the next period;
-what it did was costly, so that the clock is looked at before the next step."""
+what it did was costly, so that the clock is checked before the next step."""
 UNSET = object()
 """What a variable holds before it has a value."""
 
@@ -227,7 +227,7 @@ class Thread:
         self._result = result
         return WAITING
 
-    def look(self, back: int) -> int:
+    def peek(self, back: int) -> int:
         """Look at the clock, then go on at the step `back`."""
         self._at = back
         return LOOK

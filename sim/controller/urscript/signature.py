@@ -57,7 +57,7 @@ class Function:
     """Whether it takes simulated time: `call` makes a generator then, which waits for a period at
     each `yield`."""
     costly: bool = False
-    """Whether it takes more than some microseconds of the processor: the clock is looked at after
+    """Whether it takes more than some microseconds of the processor: the clock is checked after
     it."""
 
     @property
