@@ -1,4 +1,4 @@
-"""What must not fall into a control cycle: Ctrl-C, and Python's own looking for garbage."""
+"""What must not fall into a control cycle: Ctrl-C, and Python's garbage collection."""
 
 import gc
 import signal
@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Keep Python from looking for garbage inside the block: over a large program that takes
-    tens of periods.
+    """Keep Python from collecting garbage inside the block: over a large program that takes tens
+    of periods.
     """
     was_enabled = gc.isenabled()
     gc.disable()

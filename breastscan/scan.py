@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
 from breastscan.cloud import filters, normals, segment
@@ -224,9 +224,9 @@ def scan(
             )
         except BaseException as error:
             if log:
-                keep(execution.trajectory(log, plan.motion, robot), error)
+                keep(scan_log.trajectory(log, plan.motion, robot), error)
             raise
-    trajectory = execution.trajectory(log, plan.motion, robot)
+    trajectory = scan_log.trajectory(log, plan.motion, robot)
     return ScanResult(
         cell=cell,
         images=images,

@@ -16,6 +16,7 @@ from breastscan.planning import motion
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.pattern import Path
+from breastscan.robot.ur.ur5e import PERIOD
 
 CURVE_POINTS = 1_000_000
 """Parameters at which a curve and its first two derivatives are evaluated."""
@@ -25,8 +26,6 @@ POSES = 100_000
 """Poses solved by the inverse kinematics."""
 SINGLE_CALLS = 2_000
 """Calls of forward and Jacobian for one configuration, as a controller makes them."""
-PERIOD = 0.002
-"""Control period [s]."""
 LONG_TURNS = 4
 """Of the path that shows how planning time grows with length."""
 REPEATS = 3

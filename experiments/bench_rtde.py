@@ -24,7 +24,7 @@ from rich.table import Table
 from breastscan.errors import RobotError
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.run.metrics import rms
-from sim.controller.faults import TwinControl
+from sim.controller.fault_injection import TwinControl
 from sim.error_analysis import STEADY_AFTER
 from sim.scene import Scene
 from sim.wrist.probe import payload

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.signal
 from jaxtyping import Float
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.control.phases import Phase
@@ -18,11 +18,13 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
 from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
+from breastscan.servo import Servo
 from experiments import sections
 from sim import error_analysis
-from sim.arm.servo import PERIOD, ServoConfig
+from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue.breathing import BreathingConfig, Waveform
@@ -41,12 +43,12 @@ CLEARANCE = 0.012
 """From which the skin is approached [m]; the window of the approach."""
 RAMP_START, RAMP_LENGTH = 0.01, 0.05
 """Where on a cell's path the surface error grows [m]."""
-TOLD_LAG = ServoConfig().nominal_lag
-"""What the robot says of its servo, also where that is later [s]."""
+REPORTED_SERVO = ServoConfig().servo
+"""What the robot says of its servo, also where that is later."""
 MASS_RADIUS, MASS_DEPTH = 0.010, 0.014
-"""The stiff inclusion, and how deep its middle lies under the path [m]."""
+"""The stiff inclusion, and how deep its centre lies under the path [m]."""
 SETTLED = 0.1
-"""Share of the set-point within which the first contact counts as settled."""
+"""Fraction of the set-point within which the first contact counts as settled."""
 READING_HZ = 10.0
 """Below this the sensor's errors reach the skin; above, the servo and the laws hold them off
 [Hz]."""
@@ -77,16 +79,16 @@ class Cell:
     waveform: Waveform = "sine"
     surface_error: float = 0.0
     """By how much the plan comes to lie too deep, over 50 mm of path [m]."""
-    lag: float = TOLD_LAG
+    lag: float = REPORTED_SERVO.lag
     """Of the servo [s], whatever the robot says."""
     whole_loop: bool = False
-    """Whether the whole loop is gone along, and the probe's tilt judged."""
+    """Whether the whole loop is followed, and the probe's tilt assessed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """True forces along the probe axis; what is asked of the loop is asked from 1 s after it
-    starts.
+    """True forces along the probe axis; what is required of the loop is assessed from 1 s after
+    it starts.
     """
 
     cell: Cell
@@ -96,7 +98,7 @@ class Outcome:
     """Of the force, over the loop [N]; NaN where it was not reached."""
     bias: float
     """Its mean error [N]."""
-    sensor_share: float
+    sensor_rms: float
     """RMS of the sensor's error below 10 Hz over the loop [N]."""
     highest: float
     """Force at any time [N]."""
@@ -111,7 +113,7 @@ class Outcome:
     tangential: tuple[float, float, float]
     """Mean absolute deviation from the plan across the probe axis, in B [m]."""
     tilt_deg: tuple[float, float]
-    """Mean and largest angle between probe and skin, where it was judged."""
+    """Mean and largest angle between probe and skin, where it was assessed."""
     trace: Float[np.ndarray, "n"]
     """Force error over the loop, one value a period [N]."""
 
@@ -122,12 +124,12 @@ class Outcome:
 
 
 class LateRobot(SimRobot):
-    """A robot that tells the lag of its settings, whatever its servo does."""
+    """A robot that reports the nominal servo, whatever its own does."""
 
     @property
-    def servo_lag(self) -> float:
-        """[s]"""
-        return TOLD_LAG
+    def servo(self) -> Servo:
+        """The nominal one."""
+        return REPORTED_SERVO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +160,7 @@ def _tissue(config: PhantomConfig) -> SoftTissue:
 
 
 def run(cell: Cell) -> Outcome:
-    """Scan, and judge by the truth."""
+    """Scan, and assess by the truth."""
     scene = Scene(_scene_config(cell))
     tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
@@ -167,19 +169,19 @@ def run(cell: Cell) -> Outcome:
     ended = ""
     config = ContactConfig(law=cell.law, force=cell.force)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # where the tissue leaves its linear range is told apart
+        warnings.simplefilter("ignore")  # the tissue beyond its linear range is reported apart
         try:
             above_end = motion.lifted(len(motion.q) - 1, scene.X_FP, scene.calibration)
             execution.execute(robot, motion, config, SafetyLimits(), log=log, q_home=above_end)
         except BreastScanError as error:
             ended = str(error)
-    went, truth = execution.trajectory(log, motion, robot), robot.truth_log()
+    went, truth = scan_log.trajectory(log, motion, robot), robot.truth_log()
     places = (
         error_analysis.contact_places(went, truth, tissue, ground().truth)
         if cell.whole_loop
         else None
     )
-    return _judged(cell, ended, error_analysis.with_truth(went, truth, places))
+    return _assessed(cell, ended, error_analysis.with_truth(went, truth, places))
 
 
 def _scene_config(cell: Cell) -> SceneConfig:
@@ -191,7 +193,7 @@ def _scene_config(cell: Cell) -> SceneConfig:
     return SceneConfig(
         phantom=PhantomConfig(young=cell.young, layers=layers),
         breathing=BreathingConfig(amplitude=cell.amplitude, rate=cell.rate, waveform=cell.waveform),
-        servo=ServoConfig(lookahead_time=cell.lag - ServoConfig().transport + PERIOD),
+        servo=ServoConfig(lookahead_time=cell.lag - REPORTED_SERVO.transport),
         wrist=WrenchSensorConfig(
             quality=cell.sensor, seed=cell.seed, pose_offset=None if cell.pose_offset else 0.0
         ),
@@ -205,11 +207,11 @@ def _motion(cell: Cell, scene: Scene) -> Motion:
     whole = ground().motion
     total = float(whole.s[-1])
     length = total if cell.whole_loop else min(max(LEAST_LENGTH, LOOP_TIME * cell.speed), total)
-    share = np.random.default_rng(cell.seed).uniform() if cell.mass_ratio == 1.0 else 0.5
+    fraction = np.random.default_rng(cell.seed).uniform() if cell.mass_ratio == 1.0 else 0.5
     part = sections.section(
         whole,
         scene.X_FP,
-        start=share * (total - length),
+        start=fraction * (total - length),
         length=length,
         speed=cell.speed,
         clearance=CLEARANCE,
@@ -220,9 +222,9 @@ def _motion(cell: Cell, scene: Scene) -> Motion:
     return part
 
 
-def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
-    assert went.true_force is not None, "judged by the truth"
-    assert went.true_depth is not None, "judged by the truth"
+def _assessed(cell: Cell, ended: str, went: Trajectory) -> Outcome:
+    assert went.true_force is not None, "assessed by the truth"
+    assert went.true_depth is not None, "assessed by the truth"
     time, phase = went.t, np.array(went.phase)
     force, reading = went.true_force, went.pressing_force
     loop = np.flatnonzero(phase == Phase.LOOP)
@@ -238,7 +240,7 @@ def _judged(cell: Cell, ended: str, went: Trajectory) -> Outcome:
         ended=ended,
         rmse=rms(error) if steady.size else np.nan,
         bias=float(error.mean()) if steady.size else np.nan,
-        sensor_share=rms(_slow(reading - force)[steady]) if steady.size else np.nan,
+        sensor_rms=rms(_slow(reading - force)[steady]) if steady.size else np.nan,
         highest=float(force.max()),
         lowest=float(force[loop].min()) if loop.size else np.nan,
         indentation=float(went.true_depth.max()),

@@ -9,8 +9,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from breastscan.robot.ur.ur5e import PERIOD
 from experiments.force_cell import Outcome
-from sim.arm.servo import PERIOD
 
 SHOWN = ("nominal", "breathing, sine", "10 mm nearer", "inclusion")
 """Circumstances whose forces are drawn."""

@@ -10,8 +10,8 @@ from matplotlib.patches import Patch
 
 from breastscan.report import theme
 from breastscan.report.joint_figures import JOINTS, SPEED_LIMIT_DEG_S
+from breastscan.robot.ur.ur5e import PERIOD
 from experiments.joint_walks import Walk
-from sim.scene import PERIOD
 
 COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#0072b2", "#d55e00")
 """Of joints 1 to 6: Okabe and Ito's."""

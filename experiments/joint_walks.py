@@ -19,12 +19,13 @@ from breastscan.planning.feedrate import FeedrateLimits, Step
 from breastscan.planning.joint_limits import JointPathConfig, LimitUse
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
+from breastscan.robot.ur.ur5e import PERIOD
 from experiments import paper_loop
 from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
-from sim.scene import PERIOD, Scene, SceneConfig
+from sim.scene import Scene, SceneConfig
 from sim.tissue.phantom import PhantomConfig
 
 MOUNTS_DEG = (0.0, 45.0)
@@ -156,7 +157,7 @@ def _executed(robot: SimRobot, planned: Motion) -> tuple[np.ndarray, np.ndarray]
     """Joint angles and speeds when the arm is to be at each row of the plan: it is late by the
     servo's lag.
     """
-    late = round(robot.servo_lag / robot.period)
+    late = round(robot.servo.lag / robot.period)
     states = []
     for target in [*planned.q, *late * [planned.q[-1]]]:
         robot.servo_joint(target)

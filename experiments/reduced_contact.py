@@ -16,9 +16,8 @@ from breastscan.control import contact
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.phases import ramp
 from breastscan.control.servo_model import ServoModel
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
 
-PERIOD, LAG = 0.002, 0.034
-"""Control period and nominal lag of the servo [s]."""
 EXPONENT = 1.47
 """Of the twin's force over its indentation, from .5 to 8 mm on the default phantom [-]."""
 YOUNG = 30e3
@@ -60,7 +59,7 @@ class Plant:
 
     young: float = YOUNG
     """[Pa]"""
-    lag: float = LAG
+    lag: float = SERVO.lag
     """Of the servo [s]."""
     stiffness_scale: Motion = field(default=lambda t: 1.0)
     """Factor on the force over time."""
@@ -86,11 +85,12 @@ def run(
     scale = FORCE / INDENTATION**EXPONENT * plant.young / YOUNG
     readings = _Readings(plant.sensor, round(duration / PERIOD), seed)
     start = plant.skin(0.0) + (config.contact_force / scale) ** (1 / EXPONENT)
-    tip, memory = ServoModel.resting(start, PERIOD), ContactMemory.resting(start, PERIOD)
+    tip = ServoModel.resting(start, SERVO, PERIOD)
+    memory = ContactMemory.resting(start, SERVO, PERIOD)
     memory = replace(
         memory, slow=replace(memory.slow, force=config.contact_force), variance=readings.variance
     )
-    memory = contact.meet(memory, config)
+    memory = contact.begin(memory, config)
     before = plant.skin(0.0)
     forces, depths = np.empty((2, round(duration / PERIOD)))
     for k in range(len(forces)):
@@ -106,7 +106,7 @@ def run(
         before = skin
         memory = contact.sense(memory, readings(k, force), config, PERIOD)
         wanted = ramp(time, config.contact_force, config.force, config.phases.ramp_time)
-        memory = contact.regulate(memory, wanted, config, LAG, PERIOD)
+        memory = contact.regulate(memory, wanted, config, SERVO.lag, PERIOD)
         tip = tip.after(memory.depth, plant.lag, PERIOD)
         forces[k], depths[k] = force, memory.depth
     return forces, depths

@@ -12,7 +12,7 @@ from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
 from breastscan.robot.joint_motion import Trapezoid
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 
 ACCELERATION = 0.1
 """Along the path, at both ends [m/s^2]."""
@@ -39,7 +39,7 @@ def section(
     """
     profile = Trapezoid(min(length, float(motion.s[-1]) - start), speed, ACCELERATION)
     s = start + np.array(
-        [profile.way(PERIOD * k) for k in range(math.ceil(profile.duration / PERIOD) + 1)]
+        [profile.distance(PERIOD * k) for k in range(math.ceil(profile.duration / PERIOD) + 1)]
     )
     row = np.interp(s, motion.s, np.arange(len(motion.s)))
     q = np.stack([np.interp(row, np.arange(len(motion.q)), joint) for joint in motion.q.T], axis=1)

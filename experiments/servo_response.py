@@ -6,7 +6,8 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
-from sim.arm.servo import PERIOD, ServoConfig, ServoJ
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.arm.servo import ServoConfig, ServoJ
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
 
@@ -22,16 +23,16 @@ DURATION = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """What the arm's six joints do about one setting of servoj, sampled every period."""
+    """How the arm's six joints respond to one setting of servoj, sampled every period."""
 
     config: ServoConfig
     ramp_lag: Float[np.ndarray, "6"]
     """Time by which each joint trails the steady ramp [s]."""
     step: Float[np.ndarray, "n 6"]
-    """Travel of each joint over the step's height [-]; row k is what `state` reports after the
-    target of period k."""
+    """Offset of each joint over the step's height [-]; row k is what `state` tells after the target
+    of period k."""
     law: Float[np.ndarray, "n"]
-    """The same as servoj commands it to the drives."""
+    """The same as servoj commands it."""
 
     @property
     def half_time(self) -> Float[np.ndarray, "6"]:
@@ -58,7 +59,7 @@ def respond(config: ServoConfig) -> Response:
         config=config,
         ramp_lag=lag,
         step=_followed(scene, steps) / STEP,
-        law=_requested(config, steps) / STEP,
+        law=_commanded(config, steps) / STEP,
     )
 
 
@@ -71,7 +72,7 @@ def sweep() -> list[Response]:
 
 
 def _followed(scene: Scene, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 6"]:
-    """Travel of the joints that are sent `offsets` [rad] from where the arm is parked."""
+    """Offsets of the joints that are sent `offsets` [rad] from where the arm is parked."""
     robot, rows = SimRobot(scene), []
     for offset in offsets:
         robot.servo_joint(HOME_Q + offset)
@@ -79,7 +80,7 @@ def _followed(scene: Scene, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray
     return np.array(rows)
 
 
-def _requested(config: ServoConfig, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _commanded(config: ServoConfig, offsets: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     servo, rows = ServoJ(config, np.zeros(6)), []
     for offset in offsets:
         rows.append(servo.q_end[0])

@@ -2,9 +2,9 @@
 same circumstances.
 
 Every cell is one contact scan (`experiments.force_cell`): the nominal one with each law and sensor,
-what is asked of the scan's own law, one factor at a time, and a Latin hypercube over all factors at
-once. Gains come from one fair search (`experiments.tune_force`); the seeds here are others. `python
--m experiments.study_force --help` tells how to make it shorter.
+what is required of the scan's own law, one factor at a time, and a Latin hypercube over all factors
+at once. Gains come from one fair search (`experiments.tune_force`); the seeds here are others.
+`python -m experiments.study_force --help` tells how to make it shorter.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +19,7 @@ from rich.progress import track
 from scipy.stats import qmc
 
 from breastscan.control.contact import ContactConfig
-from breastscan.control.laws import LawName
+from breastscan.control.laws import DEFAULT_LAW, LAW_NAMES, LawName
 from breastscan.errors import ConfigError
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
@@ -27,9 +27,7 @@ from experiments import force_cell, force_figures
 from experiments.force_cell import Cell, Outcome
 from sim.wrist.wrench_errors import Quality
 
-LAWS: tuple[LawName, ...] = get_args(LawName)
 SENSORS: tuple[Quality, ...] = get_args(Quality)
-DEFAULT = ContactConfig().law
 FACTORS: dict[str, dict] = {
     "nominal": {},
     "20 kPa": {"young": 20e3},
@@ -45,10 +43,10 @@ FACTORS: dict[str, dict] = {
     "10 mm farther": {"surface_error": -0.010},
     "servo at 42 ms": {"lag": 0.042},
 }
-"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is asked of
+"""One factor at a time, against the nominal circumstances; breathing on 20 kPa, as is required of
 it."""
 
-ASKED: dict[str, tuple[float, dict]] = {
+REQUIRED: dict[str, tuple[float, dict]] = {
     "nominal, ideal": (0.06, {"sensor": "ideal"}),
     "nominal, industrial": (0.08, {"sensor": "industrial"}),
     "nominal, built-in": (0.25, {"sensor": "ur5e_builtin"}),
@@ -71,7 +69,7 @@ ASKED: dict[str, tuple[float, dict]] = {
         FACTORS["breathing, cos⁴"] | {"sensor": "ideal", "young": 40e3},
     ),
 }
-"""RMS force error asked of the scan's law [N], and where."""
+"""RMS force error required of the scan's law [N], and where."""
 
 RANGES: dict[str, tuple[float, float]] = {
     "young": (15e3, 60e3),
@@ -100,7 +98,7 @@ class ForceStudy:
     compared: int = 40
     """The first of them, which the other laws see as well."""
     seeds: int = 10
-    """Sensors and places on the path, of what is asked of the scan's law."""
+    """Sensors and places on the path, of what is required of the scan's law."""
     jobs: int = 2
     """Processes."""
 
@@ -118,8 +116,8 @@ class Result:
 
     sensors: dict[str, dict[str, Outcome]]
     """By sensor."""
-    asked: dict[str, list[Outcome]]
-    """By what is asked; one a seed."""
+    required: dict[str, list[Outcome]]
+    """By what is required; one a seed."""
     whole: dict[str, Outcome]
     """The whole loop, by sensor."""
     factors: dict[str, dict[str, Outcome]]
@@ -137,10 +135,10 @@ def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
     """
     study = study or ForceStudy()
     # what is computed once and kept, before two processes need it
-    force_cell.run(Cell(law=DEFAULT, mass_ratio=4.0))
+    force_cell.run(Cell(law=DEFAULT_LAW, mass_ratio=4.0))
     with writing.staged(out) as folder:
         result = _result(study, seed, _parallel(study.jobs))
-        figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT])
+        figures = force_figures.write(folder, result.factors, result.hypercube[DEFAULT_LAW])
         page = [
             *_page(result, study),
             *(f"![{caption}]({name})" for name, caption in figures.items()),
@@ -157,10 +155,10 @@ def cells(points: int, seed: int, law: LawName) -> list[Cell]:
     sampled = qmc.LatinHypercube(len(names), rng=seed).random(points)
     drawn = []
     for number, point in enumerate(sampled):
-        shares = dict(zip(names, point.tolist(), strict=True))
-        values = {name: low + shares[name] * (high - low) for name, (low, high) in RANGES.items()}
+        place = dict(zip(names, point.tolist(), strict=True))
+        values = {name: low + place[name] * (high - low) for name, (low, high) in RANGES.items()}
         chosen = {
-            name: options[int(shares[name] * len(options))] for name, options in CHOICES.items()
+            name: options[int(place[name] * len(options))] for name, options in CHOICES.items()
         }
         drawn.append(Cell(law=law, seed=seed + number, **values, **chosen))
     return drawn
@@ -182,37 +180,41 @@ def _result(
     study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]
 ) -> Result:
     seeds = range(seed, seed + study.seeds)
-    asked = [
-        Cell(law=DEFAULT, **{**where, "seed": each})
-        for _, where in ASKED.values()
+    required = [
+        Cell(law=DEFAULT_LAW, **{**where, "seed": each})
+        for _, where in REQUIRED.values()
         for each in seeds
     ]
-    whole = [Cell(law=DEFAULT, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
-    by_sensor = [Cell(law=law, sensor=sensor, seed=seed) for sensor in SENSORS for law in LAWS]
-    by_factor = [Cell(law=law, seed=seed, **factor) for factor in FACTORS.values() for law in LAWS]
-    everywhere = cells(study.samples, seed, DEFAULT)
+    whole = [Cell(law=DEFAULT_LAW, sensor=sensor, seed=seed, whole_loop=True) for sensor in SENSORS]
+    by_sensor = [Cell(law=law, sensor=sensor, seed=seed) for sensor in SENSORS for law in LAW_NAMES]
+    by_factor = [
+        Cell(law=law, seed=seed, **factor) for factor in FACTORS.values() for law in LAW_NAMES
+    ]
+    everywhere = cells(study.samples, seed, DEFAULT_LAW)
     others = [
         replace(cell, law=law)
-        for law in LAWS
-        if law != DEFAULT
+        for law in LAW_NAMES
+        if law != DEFAULT_LAW
         for cell in everywhere[: study.compared]
     ]
-    done = iter(outcomes([*by_factor, *by_sensor, *whole, *asked, *everywhere, *others]))
-    factors = {name: {law: next(done) for law in LAWS} for name in FACTORS}
-    sensors = {sensor: {law: next(done) for law in LAWS} for sensor in SENSORS}
+    done = iter(outcomes([*by_factor, *by_sensor, *whole, *required, *everywhere, *others]))
+    factors = {name: {law: next(done) for law in LAW_NAMES} for name in FACTORS}
+    sensors = {sensor: {law: next(done) for law in LAW_NAMES} for sensor in SENSORS}
     loops = {sensor: next(done) for sensor in SENSORS}
-    judged = {name: [next(done) for _ in seeds] for name in ASKED}
-    hypercube = {DEFAULT: [next(done) for _ in everywhere]}
-    for law in LAWS:
-        if law != DEFAULT:
+    assessed = {name: [next(done) for _ in seeds] for name in REQUIRED}
+    hypercube = {DEFAULT_LAW: [next(done) for _ in everywhere]}
+    for law in LAW_NAMES:
+        if law != DEFAULT_LAW:
             hypercube[law] = [next(done) for _ in everywhere[: study.compared]]
-    return Result(sensors=sensors, asked=judged, whole=loops, factors=factors, hypercube=hypercube)
+    return Result(
+        sensors=sensors, required=assessed, whole=loops, factors=factors, hypercube=hypercube
+    )
 
 
 def _page(result: Result, study: ForceStudy) -> list[str]:
     """The study's tables."""
     return [
-        *_asked_table(result.asked, study.seeds),
+        *_required_table(result.required, study.seeds),
         *_contact_table(result),
         *_law_table("sensor", result.sensors),
         *_law_table("circumstance, industrial sensor", result.factors),
@@ -221,27 +223,27 @@ def _page(result: Result, study: ForceStudy) -> list[str]:
     ]
 
 
-def _asked_table(asked: dict[str, list[Outcome]], seeds: int) -> list[str]:
+def _required_table(required: dict[str, list[Outcome]], seeds: int) -> list[str]:
     lines = [
-        f"RMS of the true force error, law `{DEFAULT}`, {seeds} seeds [N].",
+        f"RMS of the true force error, law `{DEFAULT_LAW}`, {seeds} seeds [N].",
         "",
         "| circumstance | at most | mean | worst seed | bias, RMS over seeds | of the sensor, "
         "below 10 Hz |",
         "|---|---|---|---|---|---|",
     ]
-    for (name, outcomes), (bar, _) in zip(asked.items(), ASKED.values(), strict=True):
-        rmse, bias, share = (
-            [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_share")
+    for (name, outcomes), (bar, _) in zip(required.items(), REQUIRED.values(), strict=True):
+        rmse, bias, sensor = (
+            [getattr(o, what) for o in outcomes] for what in ("rmse", "bias", "sensor_rms")
         )
         limit = f"{bar:.2f}" if np.isfinite(bar) else "-"
-        figures = np.mean(rmse), np.max(rmse), np.sqrt(np.mean(np.square(bias))), np.mean(share)
+        figures = np.mean(rmse), np.max(rmse), np.sqrt(np.mean(np.square(bias))), np.mean(sensor)
         lines.append(f"| {name} | {limit} | {' | '.join(f'{value:.3f}' for value in figures)} |")
     return [*lines, ""]
 
 
 def _contact_table(result: Result) -> list[str]:
     lines = [
-        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the way "
+        f"First contact at {ContactConfig().phases.approach_speed * 1e3:.0f} mm/s, and the motion "
         "along the path.",
         "",
         "| circumstance | overshoot [N] | within 10 % after [s] | off the plan, X, Y, Z [mm] | "
@@ -249,7 +251,7 @@ def _contact_table(result: Result) -> list[str]:
         "|---|---|---|---|---|",
     ]
     contacts = {
-        **{name: result.factors[name][DEFAULT] for name in ("20 kPa", "40 kPa")},
+        **{name: result.factors[name][DEFAULT_LAW] for name in ("20 kPa", "40 kPa")},
         **{f"whole loop, {sensor}": outcome for sensor, outcome in result.whole.items()},
     }
     for name, o in contacts.items():
@@ -264,11 +266,11 @@ def _law_table(title: str, rows: dict[str, dict[str, Outcome]]) -> list[str]:
         "RMS of the true force error / its largest value over the set-point at any time [N]; * "
         "left 8 mm of indentation, † ended by the supervisor.",
         "",
-        f"| {title} | {' | '.join(LAWS)} |",
-        f"|---|{'---|' * len(LAWS)}",
+        f"| {title} | {' | '.join(LAW_NAMES)} |",
+        f"|---|{'---|' * len(LAW_NAMES)}",
     ]
     for name, outcomes in rows.items():
-        lines.append(f"| {name} | {' | '.join(_figure(outcomes[law]) for law in LAWS)} |")
+        lines.append(f"| {name} | {' | '.join(_figure(outcomes[law]) for law in LAW_NAMES)} |")
     return [*lines, ""]
 
 
@@ -281,11 +283,11 @@ def _hypercube_table(hypercube: dict[str, list[Outcome]], compared: int) -> list
     lines = [
         f"The first {compared} points of the hypercube, those inside 8 mm of indentation.",
         "",
-        "| law | RMSE, median [N] | 90 % [N] | most over the set-point [N] | least share of it | "
-        "left 8 mm | ended |",
+        "| law | RMSE, median [N] | 90 % [N] | largest over the set-point [N] | "
+        "lowest fraction of it | left 8 mm | ended |",
         "|---|---|---|---|---|---|---|",
     ]
-    return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAWS), ""]
+    return [*lines, *(f"| {law} | {_spread(hypercube[law][:compared])} |" for law in LAW_NAMES), ""]
 
 
 def _spread(outcomes: list[Outcome]) -> str:
@@ -295,12 +297,12 @@ def _spread(outcomes: list[Outcome]) -> str:
     if not inside:
         return f"- | - | - | - | {beyond} | {ended}"
     rmse = [o.rmse for o in inside]
-    over, share = (
+    over, fraction = (
         max(o.highest - o.cell.force for o in inside),
         min(o.lowest / o.cell.force for o in inside),
     )
     return (
-        f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {share:.2f} | "
+        f"{np.median(rmse):.3f} | {np.quantile(rmse, 0.9):.3f} | {over:.2f} | {fraction:.2f} | "
         f"{beyond} | {ended}"
     )
 
@@ -308,29 +310,31 @@ def _spread(outcomes: list[Outcome]) -> str:
 def _extremes_table(result: Result) -> list[str]:
     """How far the default law's true force went from the set-point in all cells inside 8 mm."""
     everything = [
-        o for outcomes in (*result.asked.values(), result.hypercube[DEFAULT]) for o in outcomes
+        o
+        for outcomes in (*result.required.values(), result.hypercube[DEFAULT_LAW])
+        for o in outcomes
     ]
     everything += [
-        outcomes[DEFAULT] for outcomes in (*result.factors.values(), *result.sensors.values())
+        outcomes[DEFAULT_LAW] for outcomes in (*result.factors.values(), *result.sensors.values())
     ]
     lines = [
-        f"All cells of `{DEFAULT}`, by sensor.",
+        f"All cells of `{DEFAULT_LAW}`, by sensor.",
         "",
-        "| sensor | cells | left 8 mm | ended | most over the set-point [N] | least share of it in "
-        "the loop |",
+        "| sensor | cells | left 8 mm | ended | largest over the set-point [N] | "
+        "lowest fraction of it in the loop |",
         "|---|---|---|---|---|---|",
     ]
     for sensor in SENSORS:
         here = [o for o in everything if o.cell.sensor == sensor]
         inside = [o for o in here if o.inside]
         over = max((o.highest - o.cell.force for o in inside), default=np.nan)
-        share = min(
+        fraction = min(
             (o.lowest / o.cell.force for o in inside if not np.isnan(o.lowest)), default=np.nan
         )
         ended = sum(bool(o.ended) for o in here)
         lines.append(
             f"| {sensor} | {len(here)} | {len(here) - len(inside)} | {ended} | {over:.2f} | "
-            f"{share:.2f} |"
+            f"{fraction:.2f} |"
         )
     reasons = sorted({o.ended for o in everything if o.ended})
     return [*lines, "", *(f"- {reason}" for reason in reasons), ""]
@@ -338,7 +342,7 @@ def _extremes_table(result: Result) -> list[str]:
 
 def _plain(result: Result) -> list[dict[str, object]]:
     """Every outcome without its trace; what is not known is left out."""
-    groups = (*result.asked.values(), *result.hypercube.values(), [*result.whole.values()])
+    groups = (*result.required.values(), *result.hypercube.values(), [*result.whole.values()])
     table = [o for group in groups for o in group]
     table += [
         o

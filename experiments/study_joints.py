@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
 from experiments import joint_study_figures, joint_walks
 from experiments.joint_walks import LIMITS, MOUNTS_DEG, ROLL_TOLERANCES, Walk
-from sim.scene import PERIOD
 
 
 def run(out: Path, *, seed: int) -> list[Walk]:

@@ -14,6 +14,7 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.execution import execute
 from breastscan.planning.motion import Motion
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
 from experiments import arm_accuracy, free_swing, servo_response, twin_figures, wrist_readings
@@ -22,7 +23,6 @@ from experiments.free_swing import Swing
 from experiments.sections import section
 from experiments.servo_response import Response
 from experiments.wrist_readings import Readings
-from sim.arm.servo import PERIOD
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue.soft import SoftTissue
@@ -160,7 +160,7 @@ def _page(study: Study, figures: list[str]) -> Iterator[str]:
         lag, half = np.sort(r.ramp_lag * 1e3), np.sort(r.half_time * 1e3)
         yield (
             f"| {r.config.lookahead_time:g} | {r.config.gain:g} | {lag[0]:.1f} .. {lag[-1]:.1f} | "
-            f"{r.config.nominal_lag * 1e3:.0f} | {half[0]:.1f} .. {half[-1]:.1f} | "
+            f"{r.config.servo.lag * 1e3:.0f} | {half[0]:.1f} .. {half[-1]:.1f} | "
             f"{100 * r.overshoot:.1f} |"
         )
     yield f"\n## Energy of the free arm over {free_swing.DURATION:.0f} s\n"

@@ -3,8 +3,8 @@
 `python -m experiments.tune_force` searches on the reduced model (`experiments.reduced_contact`):
 scrambled Sobol points over wide bounds, then Nelder and Mead's simplex from the best of them, every
 law with the same number of evaluations. An evaluation is the mean error over all cases, each over
-what is asked of it; among the cases is a plant that nobody told the law of, half as stiff again and
-with a servo 8 ms later. What ships are the gains that come out.
+what is required of it; among the cases is a plant that the law does not know, half as stiff again
+and with a servo 8 ms later. What ships are the gains that come out.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from breastscan.control.contact import ContactConfig
-from breastscan.control.laws import LAWS
+from breastscan.control.laws import LAW_NAMES
 from breastscan.run import writing
 from experiments.reduced_contact import SENSORS, Plant, breathing, ramped, run, together, waviness
 
@@ -38,7 +38,7 @@ LOST = 5.0
 BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
     "observer": {
         "gains.observer.closing_time": (0.01, 0.5),
-        "surface.unrest": (1e-3, 0.1),
+        "surface.process_noise": (1e-3, 0.1),
         "surface.force_noise": (0.03, 0.6),
     },
     "pi-stiffness": {
@@ -76,7 +76,7 @@ BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One situation, and the error that is asked for in it."""
+    """One situation, and the error that is required in it."""
 
     plant: Callable[[int], Plant]
     """Of a seed."""
@@ -187,13 +187,13 @@ def main(out: Path = Path("out/tune_force")) -> None:
     console = Console(width=160)
     work = joblib.Parallel(n_jobs=2, return_as="generator")
     tuned: dict[Any, tuple[dict[str, float], float]] = {}
-    found: Any = work(joblib.delayed(tune)(law) for law in LAWS)
-    for law, (values, least) in zip(LAWS, found, strict=True):
+    found: Any = work(joblib.delayed(tune)(law) for law in LAW_NAMES)
+    for law, (values, least) in zip(LAW_NAMES, found, strict=True):
         console.print(
             law, round(least, 3), {name: float(f"{value:.3g}") for name, value in values.items()}
         )
         tuned[law] = values, least
-    table = Table("case", *LAWS, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
+    table = Table("case", *LAW_NAMES, title=f"RMS force error [N], seed {HELD_OUT_SEED}")
     configs = {
         law: with_values(ContactConfig(law=law), values) for law, (values, _) in tuned.items()
     }

@@ -8,11 +8,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from breastscan.report import theme
+from breastscan.robot.ur.ur5e import PERIOD
 from experiments.arm_accuracy import Accuracy
 from experiments.free_swing import Swing
 from experiments.servo_response import GAINS, LOOKAHEADS, STEP, Response
 from experiments.wrist_readings import Readings
-from sim.arm.servo import PERIOD, ServoConfig
+from sim.arm.servo import ServoConfig
 from sim.wrist.wrench_errors import WRENCH_CLASSES
 from sim.wrist.wrench_sensor import low_pass_pole
 
@@ -71,7 +72,7 @@ def _servo(responses: list[Response]) -> Figure:
             linewidth=1,
             label=f"{gain:.0f}",
         )
-    nominal = [1e3 * ServoConfig(lookahead_time=time).nominal_lag for time in LOOKAHEADS]
+    nominal = [1e3 * ServoConfig(lookahead_time=time).servo.lag for time in LOOKAHEADS]
     lag.plot([1e3 * time for time in LOOKAHEADS], nominal, **theme.PLANNED_LINE)
     lag.set(xlabel="lookahead time [ms]", ylabel="[ms]")
     lag.legend(frameon=False, fontsize=8.5, title="gain", title_fontsize=8.5)

@@ -10,7 +10,7 @@ from scipy import signal
 from scipy.spatial.transform import Rotation
 
 from breastscan.robot.payload import GRAVITY_B, load_map
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.wrist.probe import payload

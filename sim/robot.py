@@ -15,9 +15,11 @@ from breastscan.robot.interface import RobotState
 from breastscan.robot.joint_motion import braking, trapezoid
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import targets
+from breastscan.robot.ur.ur5e import PERIOD
+from breastscan.servo import Servo
 from sim.arm import divergence
 from sim.arm.drives import Drives
-from sim.arm.servo import PERIOD, ServoJ
+from sim.arm.servo import ServoJ
 from sim.arm.ur5e import joint_names
 from sim.scene import HOME_Q, Scene
 from sim.tissue.breathing import rise, rising_speed
@@ -80,7 +82,6 @@ class SimRobot:
         """The latest joint target [rad]."""
         self._servo = ServoJ(scene.config.servo, q)
         self._drives = Drives()
-        self._servo_lag = scene.config.servo.nominal_lag
         self.calibration = scene.calibration
         """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
         self._diverged: RobotError | None = None
@@ -103,11 +104,9 @@ class SimRobot:
         self._R_BF = data.body("flange").xmat.reshape(3, 3)
 
     @property
-    def servo_lag(self) -> float:
-        """Time by which the samples trail the targets of `servo_joint` [s]: what its transport
-        and its law imply.
-        """
-        return self._servo_lag
+    def servo(self) -> Servo:
+        """How the arm follows the targets of `servo_joint`, by its present settings."""
+        return self._servo.config.servo
 
     def state(self) -> RobotState:
         """The latest sample."""
@@ -196,15 +195,13 @@ class SimRobot:
         self._sensor.set_payload(payload)
 
     @property
-    def course(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
-        """Where the controller has the joints as the latest period ends [rad], and how fast they
-        move there [rad/s].
-        """
+    def commanded(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """The commanded state as the latest period ends: joint angles [rad] and speeds [rad/s]."""
         return self._servo.q_end, self._servo.qd
 
     @property
-    def course_change(self) -> Float[np.ndarray, "6"]:
-        """Acceleration that the controller wants of the joints [rad/s^2]."""
+    def commanded_acceleration(self) -> Float[np.ndarray, "6"]:
+        """Commanded acceleration of the joints [rad/s^2]."""
         return self._servo.qdd
 
     def tune_servo(self, lookahead_time: float, gain: float) -> None:
@@ -212,7 +209,7 @@ class SimRobot:
         self._servo.config = replace(self._servo.config, lookahead_time=lookahead_time, gain=gain)
 
     def stop(self) -> None:
-        """Brake along the present course and stay there."""
+        """Brake along the commanded motion and stay there."""
         self._brake()
         self._settle()
 

@@ -19,9 +19,9 @@ from jaxtyping import Float
 from breastscan.checks import require_seed
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.vision.camera import StereoRig
 from sim.arm.deviations import ArmConfig, calibration, true_arm
-from sim.arm.servo import PERIOD as PERIOD
 from sim.arm.servo import ServoConfig
 from sim.arm.ur5e import add_arm
 from sim.cameras.camera_errors import CameraConfig

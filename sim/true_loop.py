@@ -8,7 +8,7 @@ from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.scene import Scene
 from sim.tissue.contact import Mechanics
 from sim.truth import Truth

@@ -9,6 +9,7 @@ import numpy as np
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.servo import Servo
 
 PERIOD = 0.008
 """Control period [s]: the law runs at 125 Hz as at 500, and the tests are over sooner."""
@@ -34,7 +35,8 @@ class SpringRobot:
         self.X_FP = X_FP
         self.time = 0.0
         self.offset = np.zeros(6)
-        self.servo_lag, self._waiting = late * self.period, deque([self.q] * late)
+        self.servo = Servo.pure_delay(late * self.period)
+        self._waiting = deque([self.q] * late)
         self.qd = np.zeros(6)
         self.stopped = False
         self.largest_force = 0.0

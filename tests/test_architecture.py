@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-UNDER = {"geometry", "checks", "errors"}
+UNDER = {"geometry", "checks", "errors", "servo"}
 """What every room may import."""
 STAGES = ("vision", "cloud", "planning", "control", "robot", "camera")
 """Stages never import one another, but may the files of a run."""
@@ -15,13 +15,15 @@ ALL_STAGES = {*UNDER, *STAGES, "run"}
 PRODUCT = {
     "errors": set(),
     "checks": {"errors"},
+    "servo": {"errors"},
     "geometry": {"checks", "errors"},
     "run": UNDER,
     **dict.fromkeys(STAGES, UNDER | {"run"}),
     "cell": ALL_STAGES,
     "interruptions": set(),
+    "scan_log": ALL_STAGES,
     "execution": ALL_STAGES | {"interruptions"},
-    "scan": ALL_STAGES | {"cell", "execution"},
+    "scan": ALL_STAGES | {"cell", "execution", "scan_log"},
     "report": UNDER | {"run"},
 }
 """What each room of the product may import, itself aside."""

@@ -1,11 +1,17 @@
 """A scan on a perfect arm over an elastic plane, where every force is known in closed form."""
 
+import ast
+import inspect
+import re
 import signal
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import PlanningError, RobotError, SafetyError
@@ -18,6 +24,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 SKIN = 0.10
 """Height of the planned skin in B [m]."""
 CLEARANCE = 0.03
+DOCS = Path(__file__).parent.parent / "docs"
 SPEED, RAMP = 0.025, 0.5
 
 
@@ -45,16 +52,16 @@ def motion():
     return Motion(q=q, qd=qd, s=s, q_approach=clear, clearance=CLEARANCE)
 
 
-def scan(motion, height=SKIN, stiffness=1000.0, late=0, **options):
+def scan(motion, height=SKIN, stiffness=1000.0, late=0, config=ContactConfig(), **options):  # noqa: B008 (frozen)
     """The robot, its trajectory, and the error that ended the scan, if any."""
     robot = SpringRobot(motion.q_approach, height, stiffness, late)
     log = []
     error = None
     try:
-        execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log, **options)
+        execution.execute(robot, motion, config, SafetyLimits(), log=log, **options)
     except (PlanningError, RobotError, SafetyError, KeyboardInterrupt) as caught:
         error = caught
-    return robot, execution.trajectory(log, motion, robot), error
+    return robot, scan_log.trajectory(log, motion, robot), error
 
 
 def phases_of(table):
@@ -72,6 +79,50 @@ def loop_force(table):
 def test_the_loop_holds_five_newtons_within_a_tenth(motion):
     _, table, _ = scan(motion)
     assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+@dataclass(frozen=True)
+class Proportional:
+    """A force law of a user's own."""
+
+    gain: float = 0.01
+    """Speed per force error [m/s/N]."""
+
+    def begin(self, force):
+        return None
+
+    def speed(self, measurement, reference, memory):
+        return self.gain * (reference.force - measurement.force), memory
+
+
+def test_a_law_of_ones_own_holds_five_newtons_within_a_tenth(motion):
+    _, table, error = scan(motion, late=4, config=ContactConfig(law=Proportional()))
+    assert error is None
+    assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+def test_the_law_of_the_documentation_holds_five_newtons(motion):
+    """The example in docs/control.md, but for the call."""
+    source = (DOCS / "control.md").read_text(encoding="utf-8")
+    example = source.split("```python\n")[1].split("```")[0].split("execute(robot")[0]
+    names: dict = {}
+    exec(example, names)
+    _, table, error = scan(motion, config=ContactConfig(law=names["Relative"]()))
+    assert error is None
+    assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+def test_the_cycle_calls_the_steps_of_the_documented_table_in_order():
+    source = (DOCS / "control.md").read_text(encoding="utf-8")
+    table = source.split("| step |")[1].split("\n\n")[0]
+    documented = re.findall(r"^\| (\w+) \|", table, flags=re.MULTILINE)
+    cycle = ast.parse(textwrap.dedent(inspect.getsource(execution._Cycle.cycle)))
+    called = [
+        node.func.attr
+        for node in ast.walk(cycle)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    ]
+    assert called == documented
 
 
 def test_phases_come_in_order_and_the_probe_leaves_the_skin(motion):
@@ -97,7 +148,7 @@ def test_the_tip_never_accelerates_along_its_axis_faster_than_configured(motion)
 def test_the_arm_is_where_the_plan_is_however_late_its_servo(motion, late):
     _, table, _ = scan(motion, late=late)
     executed, planned = (X[table.in_loop, :3, 3] for X in (table.X_BP, table.X_BP_plan))
-    # while the feed ramps, the lead is off by 1 ms
+    # while the feed override ramps, the lead is off by 1 ms
     assert np.abs(executed - planned)[:, :2].max() < 0.02e-3
     # 5 N on 1 kN/m: the normal part is the indentation
     np.testing.assert_allclose(planned[:, 2] - executed[:, 2], 0.005, atol=1e-4)
@@ -144,7 +195,7 @@ def test_a_pause_waits_clear_of_the_skin_and_goes_on_at_the_same_place(motion):
     way = table.s[table.in_loop]
     assert way[-1] == pytest.approx(motion.s[-1], abs=1e-6)
     # between the loops lies what the feed needs to come to rest, in the phase "halt"
-    assert 0.0 < np.diff(way).max() < 0.5 * SPEED * ContactConfig().phases.feed_time * 1.1
+    assert 0.0 < np.diff(way).max() < 0.5 * SPEED * ContactConfig().phases.override_time * 1.1
     assert np.abs(loop_force(table) - 5.0).max() < 0.15
 
 
@@ -192,7 +243,7 @@ def test_skin_that_falls_away_is_searched_for_and_found(motion):
 
     robot.servo_joint = falling
     execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
-    table = execution.trajectory(log, motion, robot)
+    table = scan_log.trajectory(log, motion, robot)
     assert "search" in phases_of(table)
     assert phases_of(table)[-3:] == ["loop", "lift", "retreat"]
     assert np.abs(loop_force(table)[-60:] - 5.0).max() < 0.1
@@ -211,7 +262,7 @@ def test_a_force_beyond_the_limit_ends_in_an_error_and_a_retreat(motion):
         execution.execute(robot, motion, ContactConfig(), SafetyLimits(), log=log)
     assert (kinematics.forward(robot.q) @ X_FP)[2, 3] > SKIN + CLEARANCE - 1e-6
     assert robot.stopped
-    assert execution.last_row(log) > 0
+    assert scan_log.last_row(log) > 0
 
 
 def test_a_real_ctrl_c_waits_for_the_end_of_a_command_and_a_second_one_does_not_end_the_retreat(

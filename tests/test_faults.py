@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.safety import SafetyLimits
@@ -270,7 +270,7 @@ def test_a_rigid_print_that_is_taken_for_soft_is_found_out(twin, motion, rigid):
     robot = SimRobot(scenes["industrial"], rigid, motion.q_approach)
     log = execution.execute(robot, motion, replace(CONFIG, phases=RIGID.phases), SafetyLimits())
     assert robot.truth_log().force_axial.max() < SafetyLimits().force
-    assert execution.last_row(log) == len(motion.q) - 1
+    assert scan_log.last_row(log) == len(motion.q) - 1
 
 
 def test_a_rigid_print_that_is_approached_fast_is_left(twin, motion, rigid):

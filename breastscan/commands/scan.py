@@ -133,11 +133,11 @@ def scan(
         "link": link,
     }
 
-    def chosen_camera() -> StereoCamera:
+    def open_stereo() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
     whole = robot_cell(world, cell, rig, calibration, link)
-    _scan_robot(out, settings, host, whole, chosen_camera, config, in_air=dry_run, agreed=yes)
+    _scan_robot(out, settings, host, whole, open_stereo, config, in_air=dry_run, agreed=yes)
 
 
 def _require_used(refused: dict[str, bool]) -> None:
@@ -220,7 +220,7 @@ def _scan_robot(
     settings: dict,
     host: str,
     cell: Cell,
-    open_camera: Callable[[], StereoCamera],
+    open_stereo: Callable[[], StereoCamera],
     config: ScanConfig,
     *,
     in_air: bool,
@@ -259,7 +259,7 @@ def _scan_robot(
             preflight.require_plausible_sensor(arm)
             result = run_scan(
                 arm,
-                open_camera(),
+                open_stereo(),
                 cell,
                 config,
                 stages,
@@ -279,7 +279,7 @@ def _scan_robot(
     summarise(out, found)
 
 
-def _introduction(controller: preflight.Controller, cell: Cell, source: object) -> str:
+def _introduction(controller: preflight.ControllerIdentity, cell: Cell, source: object) -> str:
     software = ".".join(map(str, controller.version))
     arm = f"UR5e {controller.serial}".strip()
     nominal = np.array_equal(cell.kinematics.X_joints, KinematicCalibration.nominal().X_joints)

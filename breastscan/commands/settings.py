@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import wraps
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -136,17 +137,18 @@ def _bare(hint: Any) -> Any:
 
 
 def _texts(config: type) -> dict[str, str]:
-    """What stands under the fields of a config."""
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(config))).body
-    assert isinstance(tree, ast.ClassDef)
+    """What stands under the fields of a config, and under those that it inherits."""
     found = {}
-    for field, below in zip(tree.body, tree.body[1:], strict=False):
-        match field, below:
-            case (
-                ast.AnnAssign(target=ast.Name(id=name)),
-                ast.Expr(value=ast.Constant(value=str(text))),
-            ):
-                found[name] = " ".join(text.split())
+    for base in reversed(config.__mro__[:-1]):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        assert isinstance(tree, ast.ClassDef)
+        for field, below in pairwise(tree.body):
+            match field, below:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    found[name] = " ".join(text.split())
     return found
 
 
@@ -303,9 +305,14 @@ def _without_settings(command: Callable) -> Callable:
 def _told(setting: Setting, *, everything: bool) -> str:
     """Its text, the first sentence unless everything is asked for, and the choices."""
     text = setting.text if everything else SENTENCE_END.split(setting.text)[0].removesuffix(".")
-    if get_origin(setting.kind) is Literal:
-        text += f" {{{', '.join(map(str, get_args(setting.kind)))}}}"
+    choices = next(filter(_is_literal, (setting.kind, *get_args(setting.kind))), None)
+    if choices is not None:
+        text += f" {{{', '.join(map(str, get_args(choices)))}}}"
     return escape(text)
+
+
+def _is_literal(kind: object) -> bool:
+    return get_origin(kind) is Literal
 
 
 def _default(value: object) -> str:

@@ -1,32 +1,42 @@
 """From the force error to a correction of the pose along the probe axis [Zhang, Sec. V-B.2, Fig.
 23].
 
-The correction is a rate, from one of `control.laws`, bounded, and summed to a depth;
+The correction is a rate, from a force law, bounded, and summed to a depth;
 `control.selection` joins it with the plan. Pure functions of (measurement, reference, memory) ->
 memory: the twin and the robot run the same code.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
+from typing import Annotated, Any, cast
+
+import tyro
 
 from breastscan.checks import require_positive
 from breastscan.control.filters import Filtered
-from breastscan.control.laws import LAWS, LawGains, LawMemory, LawName, Reference, Seen
+from breastscan.control.force_law import ForceLaw, Measurement, Reference
+from breastscan.control.laws import DEFAULT_LAW, LAW_NAMES, LawName, Laws
 from breastscan.control.phases import PhaseConfig
 from breastscan.control.servo_model import ServoModel
-from breastscan.control.surface import Surface, SurfaceConfig
+from breastscan.control.surface import SkinEstimate, SurfaceConfig
 from breastscan.control.tilt import TiltConfig
 from breastscan.errors import ConfigError
+from breastscan.servo import Servo
 
+LawOption = Annotated[
+    LawName | ForceLaw,
+    tyro.conf.arg(constructor=cast(type, LawName), help_behavior_hint=f"(default: {DEFAULT_LAW})"),
+]
+"""On the command line a law has a name; in Python it may be an object."""
 CONTACT_HZ = 10.0
 """Corner of the low-pass on the force that decides whether there is contact [Hz]."""
 CONTACT_SIGMA = 3.0
 """Noise below this many times itself is no contact: five times the filtered noise of a sensor of 50
 Hz."""
-HASTE = 4.0
+PRESSING_SPEED_RATIO = 4.0
 """Largest speed into the skin, where it is felt, over the approach's [-]: by default that is
 `rate_limit`. A body that is approached slowly because it is hard is pressed slowly too, whatever a
-law believes."""
+law requests."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -35,8 +45,9 @@ NOISE_TIME = 0.5
 class ContactConfig:
     """How the probe keeps its force on the skin."""
 
-    law: LawName = "observer"
-    """What turns the force error into a speed of the tip; `docs/control.md` compares them."""
+    law: LawOption = DEFAULT_LAW
+    """What turns the force error into a speed of the tip: one of the names that `docs/control.md`
+    compares, or a law of your own (`control.force_law`)."""
     force: float = 5.0
     """Set-point of the contact force along the probe axis [N]."""
     contact_force: float = 0.5
@@ -51,13 +62,16 @@ class ContactConfig:
     phases: PhaseConfig = field(default_factory=PhaseConfig)
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
-    gains: LawGains = field(default_factory=LawGains)
+    gains: Laws = field(default_factory=Laws)
+    """The laws that have a name."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "contact")
-        if self.law not in LAWS:
+        require_positive(self, "contact", but=("law",))
+        if self.law not in LAW_NAMES and not _is_own_law(self.law):
             raise ConfigError(
-                f"contact.law must be one of {', '.join(LAWS)}, got {self.law!r}", self.law
+                f"contact.law must be one of {', '.join(LAW_NAMES)}, or an instance of a dataclass "
+                f"with the methods of control.force_law.ForceLaw, got {self.law!r}",
+                self.law,
             )
         if self.contact_force >= self.force:
             raise ConfigError(
@@ -65,6 +79,16 @@ class ContactConfig:
                 f"({self.force} N)",
                 self.force,
             )
+
+    @property
+    def force_law(self) -> ForceLaw:
+        """The law itself."""
+        return self.gains.named(self.law) if isinstance(self.law, str) else self.law
+
+
+def _is_own_law(law: object) -> bool:
+    """Whether it can be called, and written down with the settings."""
+    return is_dataclass(law) and not isinstance(law, type) and isinstance(law, ForceLaw)
 
 
 @dataclass(frozen=True)
@@ -83,21 +107,20 @@ class ContactMemory:
     last: float
     """The last measured force [N]."""
     variance: float
-    """Of the sensor's noise, seen in the air [N^2]."""
-    surface: Surface | None
-    """What is believed about the skin; None before it was met."""
+    """Of the sensor's noise, estimated in the air [N^2]."""
+    surface: SkinEstimate | None
+    """The estimate of the skin; None without contact."""
     stiffness: float
     """The stiffest that it was found to be, in contacts that ended [N^(2/3)/m]: what threw the
     probe off once would do so again."""
-    law: LawMemory
+    law: Any
+    """What the force law carries from one period to the next; None without contact."""
 
     @staticmethod
-    def resting(depth: float, period: float) -> "ContactMemory":
-        """At rest in the air, `depth` [m] from the planned skin."""
-        servo = ServoModel.resting(depth, period)
-        return ContactMemory(
-            depth, 0.0, servo, Filtered(), 0.0, 0.0, None, 0.0, LawMemory(Filtered())
-        )
+    def resting(depth: float, servo: Servo, period: float) -> "ContactMemory":
+        """At rest in the air, `depth` [m] from the planned skin, on an arm with this servo."""
+        model = ServoModel.resting(depth, servo, period)
+        return ContactMemory(depth, 0.0, model, Filtered(), 0.0, 0.0, None, 0.0, None)
 
     @property
     def noise(self) -> float:
@@ -118,8 +141,8 @@ def sense(
 ) -> ContactMemory:
     """Take in a measured force [N], the servo being where its model has it.
 
-    In the air the sensor's noise is learnt, from the differences of samples, in which a slow touch
-    does not show; from the first contact on, the skin.
+    In the air the sensor's noise is estimated, from the differences of samples, in which a slow
+    touch does not show; in contact, the skin.
     """
     slow = memory.slow.after(force, CONTACT_HZ, period)
     variance = memory.variance
@@ -131,17 +154,17 @@ def sense(
     return replace(memory, slow=slow, last=force, variance=variance, surface=surface)
 
 
-def meet(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
+def begin(memory: ContactMemory, config: ContactConfig) -> ContactMemory:
     """Begin a contact: the skin is where the tip feels it."""
     force = memory.slow.force
     stiffness = max(memory.stiffness, config.surface.stiffness)
-    surface = Surface.met(memory.servo.position, force, stiffness, config.surface)
-    return replace(memory, surface=surface, law=LawMemory(Filtered(force)))
+    surface = SkinEstimate.at_contact(memory.servo.position, force, stiffness, config.surface)
+    return replace(memory, surface=surface, law=config.force_law.begin(force))
 
 
-def leave(memory: ContactMemory) -> ContactMemory:
-    """End a contact: where the skin was believed to be is forgotten, not how stiff it is."""
-    assert memory.surface is not None, "a contact ends after `meet`"
+def end(memory: ContactMemory) -> ContactMemory:
+    """End a contact: the estimate of where the skin is is dropped, not that of its stiffness."""
+    assert memory.surface is not None, "a contact ends after `begin`"
     return replace(memory, surface=None, stiffness=max(memory.stiffness, memory.surface.stiffness))
 
 
@@ -177,13 +200,13 @@ def regulate(
     Returns:
         The state after this period; its depth stays inside `config.depth_limit`.
     """
-    assert memory.surface is not None, "force control begins with `meet`"
-    seen = Seen(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
-    asked, law = LAWS[config.law](seen, reference, memory.law, config.gains.of(config.law))
+    assert memory.surface is not None, "force control begins with `begin`"
+    measurement = Measurement(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
+    requested, law = config.force_law.speed(measurement, reference, memory.law)
     step, limit = config.acceleration * period, config.rate_limit
     approach = config.phases.approach_speed
-    inward = min(HASTE * approach if _presses(memory, config) else approach, limit)
-    rate = max(min(max(asked, -limit), memory.rate + step, inward), memory.rate - step)
+    inward = min(PRESSING_SPEED_RATIO * approach if _presses(memory, config) else approach, limit)
+    rate = max(min(max(requested, -limit), memory.rate + step, inward), memory.rate - step)
     depth = memory.depth + rate * period
     if abs(depth) > config.depth_limit:
         depth, rate = math.copysign(config.depth_limit, depth), 0.0
@@ -203,7 +226,7 @@ def _threshold(memory: ContactMemory, config: ContactConfig) -> float:
 
 
 def _moved(
-    memory: ContactMemory, depth: float, rate: float, law: LawMemory, lag: float, period: float
+    memory: ContactMemory, depth: float, rate: float, law: object, lag: float, period: float
 ) -> ContactMemory:
     """The state after a period that ends with a commanded depth [m]."""
     servo = memory.servo.after(depth, lag, period)

@@ -2,8 +2,8 @@
 V-B.2].
 
 Triangular sets a unit apart on [-3, 3], product and centre average: since the sets add up to one
-everywhere, the answer is the rule table, interpolated between the four rules that fire. In plain
-Python, because no library answers within a control period.
+everywhere, the result is the rule table, interpolated between the four rules that fire. In plain
+Python, because no library computes it within a control period.
 
 As usually printed the table is lopsided: a force that is too high would be corrected more lazily
 than one that is too low, and noise would turn into a standing error. It is therefore read at (-|e|,
@@ -48,11 +48,11 @@ class FuzzyGains:
     proportional: float = 0.0135
     """Speed of the correction per force error [m/s/N]."""
     proportional_swing: float = 0.35
-    """Share of it that the rules add or take away at most [-]."""
+    """Fraction of it that the rules add or take away at most [-]."""
     derivative: float = 2e-6
     """Speed of the correction per change of the force error [m/N]."""
     derivative_swing: float = 0.93
-    """Share of it that the rules add or take away at most [-]."""
+    """Fraction of it that the rules add or take away at most [-]."""
     filter_hz: float = 88.0
     """Corner of the low-pass on the measured force [Hz]."""
 

@@ -16,13 +16,13 @@ MEMORY_TIME = 3.0
 PRIOR = 2e-3
 """Weight of the nominal lag: the squared joint speed of a slow path, over half a second
 [rad^2/s]."""
-LARGEST_CORRECTION = 0.5
-"""Of the lag, as a share of the nominal one, either way."""
+MAX_CORRECTION = 0.5
+"""Of the lag, over the nominal one, in both directions [-]."""
 
 
 @dataclass(frozen=True)
 class LagEstimate:
-    """The servo's lag, as far as the motion has told it."""
+    """The servo's lag, as estimated from the motion."""
 
     nominal: float
     """Lag that is assumed before [s]."""
@@ -41,8 +41,8 @@ class LagEstimate:
     @property
     def lag(self) -> float:
         """The best guess [s]."""
-        most = LARGEST_CORRECTION * self.nominal
-        return self.nominal + min(max(self.behind / (self.squared + PRIOR), -most), most)
+        bound = MAX_CORRECTION * self.nominal
+        return self.nominal + min(max(self.behind / (self.squared + PRIOR), -bound), bound)
 
     def after(
         self, target: Float[np.ndarray, "6"], q: Float[np.ndarray, "6"], period: float

@@ -2,19 +2,19 @@
 
     travel -> approach -> settle -> loop -> lift -> retreat -> done
     loop -> search -> settle                                where contact was lost
-    loop -> halt -> lift -> retreat -> pause -> approach    where a pause is asked for
+    loop -> halt -> lift -> retreat -> pause -> approach    where a pause is requested
     any -> escape -> done                                   where something is wrong
 
-Pure functions: (progress, situation) -> (progress, demand). The place on the path is a row of the
-plan, with a fraction; `feed` is the share of the planned speed at which it moves on, so that a
-halted scan goes on where it stood.
+Pure functions: (progress, situation) -> (progress, command). The place on the path is a row of the
+plan, with a fraction; the feed override is the fraction of the planned speed at which it moves on,
+so that a halted scan goes on where it stood.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from breastscan.control.laws import Reference
+from breastscan.control.force_law import Reference
 from breastscan.errors import BreastScanError, RobotError, SafetyError
 
 
@@ -61,8 +61,8 @@ class PhaseConfig:
     end [s]."""
     settle_time: float = 1.0
     """Time from first contact to the start of the path [s]."""
-    feed_time: float = 0.5
-    """Time in which the path is brought up to its planned speed, and to rest [s]."""
+    override_time: float = 0.5
+    """Time in which the feed override goes from 0 to 1, and back [s]."""
     search_speed: float = 0.01
     """Speed down the normal after contact was lost [m/s]; never above the approach's."""
     search_depth: float = 0.005
@@ -75,13 +75,13 @@ class PhaseConfig:
     """The same after a fault [m/s]: faster than a person flinches towards the probe."""
     escape_acceleration: float = 2.5
     """Acceleration of that [m/s^2]: the speed is there after 40 ms, once the servo follows."""
-    escape_feed_time: float = 0.1
-    """Time in which the path is stopped then [s]."""
+    escape_override_time: float = 0.1
+    """Time in which the feed override goes to 0 then [s]."""
 
 
 @dataclass(frozen=True)
-class Route:
-    """Which part of the plan is to be driven."""
+class PathSection:
+    """The section of the plan that is to be followed."""
 
     last: int
     """Last row of the plan."""
@@ -106,7 +106,7 @@ class Situation:
     touching: bool
     """Whether that is contact."""
     pause: bool = False
-    """Whether a pause is asked for."""
+    """Whether a pause is requested."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ class Progress:
     """Time in this phase [s]."""
     row: float = 0.0
     """Place on the path, in rows of the plan."""
-    feed: float = 0.0
-    """Share of the planned speed along the path."""
+    feed_override: float = 0.0
+    """Fraction of the planned speed at which the path is followed, 0 to 1."""
     entry: float = 0.0
     """What the phase has to remember from its beginning: the force [N], or the depth [m]."""
     lost: int = 0
@@ -127,27 +127,27 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Demand:
-    """What the probe is to do in this period: move along its axis at a speed, or hold a force."""
+class PhaseCommand:
+    """What a phase commands in this period: a speed along the probe axis, or a force to hold."""
 
     speed: float = 0.0
     """[m/s], where no force is held."""
     reference: Reference | None = None
-    meets: bool = False
-    """Whether a contact begins."""
-    leaves: bool = False
-    """Whether it ends."""
+    contact_made: bool = False
+    """Whether contact is made in this period."""
+    contact_lost: bool = False
+    """Whether it is lost, or ended."""
     fault: BreastScanError | None = None
     """Why the scan must end."""
 
 
-Step = tuple[Progress, Demand]
+Step = tuple[Progress, PhaseCommand]
 
 
 def step(
     progress: Progress,
     now: Situation,
-    route: Route,
+    section: PathSection,
     force: float,
     config: PhaseConfig,
     period: float,
@@ -157,22 +157,25 @@ def step(
     Args:
         progress: Where the scan stands.
         now: What was sensed.
-        route: Which part of the plan is driven.
+        section: The section of the plan that is followed.
         force: Set-point [N].
         config: Speeds and times.
         period: Control period [s].
 
     Returns:
-        The new progress, and what to do in this period. A fault in it sends the caller to `escape`.
+        The new progress, and the command of this period. A fault in it sends the
+        caller to `escape`.
     """
-    after, demand = _STEPS[progress.phase](progress, now, route, force, config)
-    feed = _feed(after, route, config, period)
-    row = min(after.row + feed, float(route.last))
-    return Progress(after.phase, after.clock + period, row, feed, after.entry, after.lost), demand
+    after, command = _STEPS[progress.phase](progress, now, section, force, config)
+    feed_override = _feed_override(after, section, config, period)
+    row = min(after.row + feed_override, float(section.last))
+    return Progress(
+        after.phase, after.clock + period, row, feed_override, after.entry, after.lost
+    ), command
 
 
 def escape(progress: Progress, felt: float) -> Progress:
-    """The way out of any phase; the skin was `felt` at that depth [m], 0 where it was not."""
+    """The escape from any phase; the skin was `felt` at that depth [m], 0 where it was not."""
     return (
         progress
         if progress.phase in (Phase.ESCAPE, Phase.DONE)
@@ -181,13 +184,14 @@ def escape(progress: Progress, felt: float) -> Progress:
 
 
 def ramp(clock: float, start: float, end: float, duration: float) -> Reference:
-    """A force [N] on its smooth way from `start` to `end`, and its change, `clock` [s] after it
-    set out.
+    """A force [N] on its smooth transition from `start` to `end`, and its change, `clock` [s] after
+    it began.
     """
-    share = min(clock / duration, 1.0)
+    fraction = min(clock / duration, 1.0)
     span = end - start
     return Reference(
-        start + span * share**2 * (3.0 - 2.0 * share), span * 6.0 * share * (1.0 - share) / duration
+        start + span * fraction**2 * (3.0 - 2.0 * fraction),
+        span * 6.0 * fraction * (1.0 - fraction) / duration,
     )
 
 
@@ -195,80 +199,84 @@ def _enter(progress: Progress, phase: Phase, entry: float = 0.0) -> Progress:
     return replace(progress, phase=phase, clock=0.0, entry=entry)
 
 
-def _feed(progress: Progress, route: Route, config: PhaseConfig, period: float) -> float:
-    """The feed one period on: up where the path is to be travelled, down everywhere else."""
+def _feed_override(
+    progress: Progress, section: PathSection, config: PhaseConfig, period: float
+) -> float:
+    """The feed override one period on: up where the path is to be followed, else down."""
     escaping = progress.phase is Phase.ESCAPE
-    change = period / (config.escape_feed_time if escaping else config.feed_time)
+    change = period / (config.escape_override_time if escaping else config.override_time)
     if progress.phase is Phase.TRAVEL:
-        braking_rows = 0.5 * progress.feed**2 / change
-        wanted = 1.0 if progress.row + braking_rows < _travel_end(route) else 0.0
+        braking_rows = 0.5 * progress.feed_override**2 / change
+        wanted = 1.0 if progress.row + braking_rows < _travel_end(section) else 0.0
     else:
         wanted = 1.0 if progress.phase is Phase.LOOP else 0.0
-    return min(max(wanted, progress.feed - change), progress.feed + change)
+    return min(max(wanted, progress.feed_override - change), progress.feed_override + change)
 
 
-def _travel_end(route: Route) -> int:
-    return route.last if route.in_air else route.start
+def _travel_end(section: PathSection) -> int:
+    return section.last if section.in_air else section.start
 
 
 def _travel(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if now.touching:
-        why = "something was touched on the way through the air: is the path's surroundings clear?"
-        return progress, Demand(fault=SafetyError(why, now.force))
-    if progress.feed == 0.0 and progress.row >= _travel_end(route) - 1.0:
-        return _enter(progress, Phase.RETREAT if route.in_air else Phase.APPROACH), Demand()
-    return progress, Demand()
+        why = "something was touched in the air: is the space around the path clear?"
+        return progress, PhaseCommand(fault=SafetyError(why, now.force))
+    if progress.feed_override == 0.0 and progress.row >= _travel_end(section) - 1.0:
+        return _enter(progress, Phase.RETREAT if section.in_air else Phase.APPROACH), PhaseCommand()
+    return progress, PhaseCommand()
 
 
 def _approach(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if now.pause:
-        return _enter(progress, Phase.RETREAT), Demand()
+        return _enter(progress, Phase.RETREAT), PhaseCommand()
     if now.touching and now.depth < -config.window:
         why = (
             f"the skin was met {-now.depth * 1e3:.0f} mm before where it was planned, expected "
             f"within {config.window * 1e3:.0f} mm: has the phantom moved since the pictures were "
             "taken?"
         )
-        return progress, Demand(fault=SafetyError(why, now.depth))
+        return progress, PhaseCommand(fault=SafetyError(why, now.depth))
     if now.touching:
-        return _enter(progress, Phase.SETTLE, now.force), Demand(
-            reference=Reference(now.force), meets=True
+        return _enter(progress, Phase.SETTLE, now.force), PhaseCommand(
+            reference=Reference(now.force), contact_made=True
         )
     if now.depth > config.window:
         why = (
             f"no contact within {config.window * 1e3:.0f} mm beyond the planned skin: is the "
             "phantom where the cameras saw it, and is the sensor connected?"
         )
-        return progress, Demand(fault=RobotError(why, now.depth))
-    return progress, Demand(speed=config.approach_speed)
+        return progress, PhaseCommand(fault=RobotError(why, now.depth))
+    return progress, PhaseCommand(speed=config.approach_speed)
 
 
 def _settle(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if now.pause:
-        return _enter(progress, Phase.LIFT, now.force), Demand(reference=Reference(now.force))
+        return _enter(progress, Phase.LIFT, now.force), PhaseCommand(reference=Reference(now.force))
     if not now.touching and progress.clock > config.ramp_time:
         return _lose(progress, now, config)
     if progress.clock >= config.settle_time:
-        return _enter(progress, Phase.LOOP), Demand(reference=Reference(force))
-    return progress, Demand(reference=ramp(progress.clock, progress.entry, force, config.ramp_time))
+        return _enter(progress, Phase.LOOP), PhaseCommand(reference=Reference(force))
+    return progress, PhaseCommand(
+        reference=ramp(progress.clock, progress.entry, force, config.ramp_time)
+    )
 
 
 def _loop(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if not now.touching:
         return _lose(progress, now, config)
-    if progress.row >= route.last:
-        return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
+    if progress.row >= section.last:
+        return _enter(progress, Phase.LIFT, force), PhaseCommand(reference=Reference(force))
     if now.pause:
-        return _enter(progress, Phase.HALT), Demand(reference=Reference(force))
-    return progress, Demand(reference=Reference(force))
+        return _enter(progress, Phase.HALT), PhaseCommand(reference=Reference(force))
+    return progress, PhaseCommand(reference=Reference(force))
 
 
 def _lose(progress: Progress, now: Situation, config: PhaseConfig) -> Step:
@@ -278,9 +286,9 @@ def _lose(progress: Progress, now: Situation, config: PhaseConfig) -> Step:
             f"contact was lost {progress.lost + 1} times: is the phantom much stiffer or softer "
             "than expected (surface.stiffness), or does it shake?"
         )
-        return progress, Demand(fault=RobotError(why, progress.lost + 1))
+        return progress, PhaseCommand(fault=RobotError(why, progress.lost + 1))
     searching = replace(_enter(progress, Phase.SEARCH, now.depth), lost=progress.lost + 1)
-    return searching, Demand(speed=_search_speed(config), leaves=True)
+    return searching, PhaseCommand(speed=_search_speed(config), contact_lost=True)
 
 
 def _search_speed(config: PhaseConfig) -> float:
@@ -288,77 +296,79 @@ def _search_speed(config: PhaseConfig) -> float:
 
 
 def _search(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if now.touching:
-        return _enter(progress, Phase.SETTLE, now.force), Demand(
-            reference=Reference(now.force), meets=True
+        return _enter(progress, Phase.SETTLE, now.force), PhaseCommand(
+            reference=Reference(now.force), contact_made=True
         )
     if now.depth - progress.entry > config.search_depth:
         why = (
             f"contact was lost and not found again within {config.search_depth * 1e3:.0f} mm along "
             "the normal: does the plan leave the skin, or has the phantom moved?"
         )
-        return progress, Demand(fault=RobotError(why, now.depth))
-    return progress, Demand(speed=_search_speed(config))
+        return progress, PhaseCommand(fault=RobotError(why, now.depth))
+    return progress, PhaseCommand(speed=_search_speed(config))
 
 
 def _halt(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
-    if progress.feed == 0.0:
-        return _enter(progress, Phase.LIFT, force), Demand(reference=Reference(force))
-    return progress, Demand(reference=Reference(force))
+    if progress.feed_override == 0.0:
+        return _enter(progress, Phase.LIFT, force), PhaseCommand(reference=Reference(force))
+    return progress, PhaseCommand(reference=Reference(force))
 
 
 def _lift(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
     if progress.clock >= config.ramp_time or not now.touching:
-        return _enter(progress, Phase.RETREAT, now.depth), Demand(leaves=True)
-    return progress, Demand(reference=ramp(progress.clock, progress.entry, 0.0, config.ramp_time))
+        return _enter(progress, Phase.RETREAT, now.depth), PhaseCommand(contact_lost=True)
+    return progress, PhaseCommand(
+        reference=ramp(progress.clock, progress.entry, 0.0, config.ramp_time)
+    )
 
 
 def _retreat(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
-    if now.depth > _clear(progress, route):
-        return progress, Demand(speed=-config.retreat_speed)
+    if now.depth > _clear(progress, section):
+        return progress, PhaseCommand(speed=-config.retreat_speed)
     if now.rate < 0.0:
-        return progress, Demand()
-    finished = route.in_air or progress.row >= route.last
-    return _enter(progress, Phase.DONE if finished else Phase.PAUSE), Demand()
+        return progress, PhaseCommand()
+    finished = section.in_air or progress.row >= section.last
+    return _enter(progress, Phase.DONE if finished else Phase.PAUSE), PhaseCommand()
 
 
-def _clear(progress: Progress, route: Route) -> float:
+def _clear(progress: Progress, section: PathSection) -> float:
     """Depth at which a retreat ends [m]: as far from the planned skin as from where the skin was
     felt.
     """
-    return min(progress.entry, 0.0) - route.clearance
+    return min(progress.entry, 0.0) - section.clearance
 
 
 def _pause(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
-    return (progress if now.pause else _enter(progress, Phase.APPROACH)), Demand()
+    return (progress if now.pause else _enter(progress, Phase.APPROACH)), PhaseCommand()
 
 
 def _escape(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
-    if now.depth > _clear(progress, route):
-        return progress, Demand(speed=-config.escape_speed)
-    at_rest = now.rate == 0.0 and progress.feed == 0.0
-    return (_enter(progress, Phase.DONE) if at_rest else progress), Demand()
+    if now.depth > _clear(progress, section):
+        return progress, PhaseCommand(speed=-config.escape_speed)
+    at_rest = now.rate == 0.0 and progress.feed_override == 0.0
+    return (_enter(progress, Phase.DONE) if at_rest else progress), PhaseCommand()
 
 
 def _done(
-    progress: Progress, now: Situation, route: Route, force: float, config: PhaseConfig
+    progress: Progress, now: Situation, section: PathSection, force: float, config: PhaseConfig
 ) -> Step:
-    return progress, Demand()
+    return progress, PhaseCommand()
 
 
-_STEPS: dict[Phase, Callable[[Progress, Situation, Route, float, PhaseConfig], Step]] = {
+_STEPS: dict[Phase, Callable[[Progress, Situation, PathSection, float, PhaseConfig], Step]] = {
     Phase.TRAVEL: _travel,
     Phase.APPROACH: _approach,
     Phase.SETTLE: _settle,

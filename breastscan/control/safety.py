@@ -1,9 +1,9 @@
-"""The supervisor between every controller and every robot: its limits, and the last look at each
+"""The supervisor between every controller and every robot: its limits, and the check of each
 command.
 
 UR's own force limit is accurate to 25 N, so it cannot guard a contact of 5 N: this does. It knows
-nothing of force laws or plans; it sees what the robot measured (`control.watch`) and what it is
-told to do, and says what it let through and why.
+nothing of force laws or plans; it sees what the robot measured (`control.monitor`) and what it
+is told to do, and returns the command within its limits, and why it changed it.
 """
 
 import math
@@ -23,8 +23,8 @@ class SafetyLimits:
     force: float = 15.0
     """Contact force in any direction [N]: a tenth of what industry allows for the chest [DGUV]."""
     force_margin: float = 5.0
-    """Pressing force above the set-point [N]: what the retreat leaves of the way to 15 N, while the
-    skin comes at it with 40 mm/s through the servo's lag, on tissue of 2 kN/m."""
+    """Pressing force above the set-point [N]: what the retreat needs up to 15 N, while the skin
+    comes at it with 40 mm/s through the servo's lag, on tissue of 2 kN/m."""
     pull: float = 5.0
     """Force that draws the probe into the tissue [N]: gel does not, so the sensor must be wrong by
     as much."""
@@ -43,8 +43,8 @@ class SafetyLimits:
     stuck_time: float = 0.05
     """Time for which all six channels may repeat themselves to the last bit while the tip moves
     [s]."""
-    stuck_way: float = 0.2e-3
-    """How far the tip must have gone along its axis meanwhile [m]: .1 N on soft tissue, more than
+    stuck_distance: float = 0.2e-3
+    """How far the tip must have moved along its axis meanwhile [m]: .1 N on soft tissue, more than
     any sensor rounds."""
     silence: float = 0.03
     """Time for which commands may go out without a new state coming in [s]."""
@@ -67,7 +67,7 @@ class SafetyLimits:
     skin_speed: float = 0.022
     """How fast it may move along the probe axis [m/s]: breathing makes 8 mm/s, planning errors 10.
     Beyond, the person moves."""
-    skin_hurry: float = 0.1
+    skin_overspeed_time: float = 0.1
     """For how long it may do so all the same [s]: an edge or a bump passes under the probe
     sooner."""
 
@@ -104,22 +104,22 @@ class Workspace:
         return all(low <= p <= high for low, p, high in sides)
 
 
-def hurried(speed: float, before: float, limits: SafetyLimits, period: float) -> float:
+def overspeed_time(speed: float, before: float, limits: SafetyLimits, period: float) -> float:
     """For how long the skin has moved too fast [s], after `before` and a period more at `speed`
     [m/s].
     """
     return before + period if abs(speed) > limits.skin_speed else 0.0
 
 
-def judge_skin(
-    offset: float, speed: float, hurry: float, limits: SafetyLimits
+def check_skin(
+    offset: float, speed: float, overspeed: float, limits: SafetyLimits
 ) -> BreastScanError | None:
-    """Judge the skin by the estimate that the force controller makes.
+    """Check the skin, as the force controller estimates it.
 
     Args:
         offset: Where it is, beyond the planned skin [m].
         speed: How fast it moves along the probe axis [m/s].
-        hurry: For how long it has been too fast [s].
+        overspeed: For how long it has been too fast [s].
         limits: What is allowed.
     """
     if abs(offset) > limits.skin_offset:
@@ -129,7 +129,7 @@ def judge_skin(
             "pictures",
             offset,
         )
-    if hurry > limits.skin_hurry:
+    if overspeed > limits.skin_overspeed_time:
         return SafetyError(
             f"the skin moves at {abs(speed) * 1e3:.0f} mm/s, at most {limits.skin_speed * 1e3:.0f} "
             "mm/s are expected: hold the phantom still",
@@ -139,8 +139,8 @@ def judge_skin(
 
 
 @dataclass(frozen=True)
-class Command:
-    """What the controller wants of the robot."""
+class JointCommand:
+    """What the controller commands, before the supervisor limits it."""
 
     q: Float[np.ndarray, "6"]
     """Joint target [rad]."""
@@ -152,7 +152,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Sent:
-    """What was let through."""
+    """A command within the limits."""
 
     q: Float[np.ndarray, "6"]
     """Joint target [rad]."""
@@ -167,10 +167,10 @@ class Sent:
         return Sent(q.copy(), np.zeros(6))
 
 
-def let_through(
-    command: Command, before: Sent, workspace: Workspace, limits: SafetyLimits, period: float
+def limit_command(
+    command: JointCommand, before: Sent, workspace: Workspace, limits: SafetyLimits, period: float
 ) -> Sent:
-    """Judge one command.
+    """Limit one command.
 
     A target that is not finite is replaced by the last one, a step that is too fast or changes too
     fast is shortened; both are told as a fault, as are targets outside the workspace or too deep.
@@ -215,7 +215,7 @@ def _too_fast(
 
 
 def _misplaced(
-    command: Command, workspace: Workspace, limits: SafetyLimits
+    command: JointCommand, workspace: Workspace, limits: SafetyLimits
 ) -> BreastScanError | None:
     if not workspace.holds(command.tip_B):
         return SafetyError(

@@ -20,7 +20,7 @@ def corrected(X_BP, depth, rx, ry):
     Args:
         X_BP: Planned pose of the tip, (4, 4) [m].
         depth: Along the planned axis [m].
-        rx: Turn of the probe about its own x, with the tip in place [rad].
+        rx: Rotation of the probe about its own x, with the tip in place [rad].
         ry: The same about its y then [rad].
     """
     cx = math.cos(rx)

@@ -1,44 +1,50 @@
-"""Where the tip is by now, from what was commanded: the servo's model along one axis.
+"""Where the tip is by now, from what was commanded: the robot's own servo (`breastscan.servo`),
+along one axis.
 
 A controller that waits for the measured effect of its own commands would count them twice. The
 measured pose would do as well in principle, but it carries the arm's deflection under the very
 force that is to be controlled.
 """
 
+import math
 from dataclasses import dataclass
 
-TRANSPORT = 0.004
-"""Part of the servo's lag in which nothing happens yet [s]: two periods of RTDE [UR-lag]."""
-GAIN = 2000.0
-"""servoj's gain, its largest: acceleration on the way to the target [1/s^2] [UR-script]."""
-NO_LAG = 0.01
-"""Lag below which a servo counts as being at its target [s]: servoj's least lookahead is .03 s."""
+from breastscan.servo import Servo
 
 
 @dataclass(frozen=True)
 class ServoModel:
-    """The tip along its axis, as servoj moves it: q'' = gain (target - (q + lookahead q'))."""
+    """The tip along its axis, as the servo moves it."""
 
+    servo: Servo
+    """The law that is followed."""
     position: float
     """[m]"""
     speed: float
     """[m/s]"""
     waiting: tuple[float, ...]
-    """Targets that are under way, the oldest first [m]."""
+    """Targets within the transport time, the oldest first [m]."""
 
     @staticmethod
-    def resting(position: float, period: float) -> "ServoModel":
-        """At rest at `position` [m]."""
-        return ServoModel(position, 0.0, (position,) * round(TRANSPORT / period))
+    def resting(position: float, servo: Servo, period: float) -> "ServoModel":
+        """At rest at `position` [m], commanded every `period` [s]."""
+        return ServoModel(servo, position, 0.0, (position,) * round(servo.transport / period))
 
     def after(self, target: float, lag: float, period: float) -> "ServoModel":
-        """One period [s] later, a target [m] having been sent to a servo that trails steady
-        motion by `lag` [s].
+        """One period later.
+
+        Args:
+            target: What was sent [m].
+            lag: Time by which the arm trails steady motion, as estimated by now [s]: what it is
+                more or less than the servo's own counts as look-ahead time.
+            period: Control period [s].
         """
-        if lag < NO_LAG:
-            return ServoModel(target, (target - self.position) / period, self.waiting)
         arriving, *waiting = (*self.waiting, target)
+        if math.isinf(self.servo.gain):
+            speed = (arriving - self.position) / period
+            return ServoModel(self.servo, arriving, speed, tuple(waiting))
         position = self.position + period * self.speed
-        lookahead = lag - period * len(waiting)
-        way = arriving - (position + lookahead * self.speed)
-        return ServoModel(position, self.speed + period * GAIN * way, tuple(waiting))
+        lookahead = max(lag - period * len(waiting), 0.0)
+        error = arriving - (position + lookahead * self.speed)
+        speed = self.speed + period * self.servo.gain * error
+        return ServoModel(self.servo, position, speed, tuple(waiting))

@@ -3,7 +3,7 @@ bound.
 
 Skin without friction pushes along its own normal. A probe that is tilted about x therefore feels a
 force along y; one that is tilted about y, along the array, touches with another part of its convex
-face, so that the pressure's middle moves and a moment about y shows. Friction, which opposes the
+face, so that the centre of pressure moves and a moment about y shows. Friction, which opposes the
 motion across the skin, spoils the first signal and not the second, for it passes through the tip.
 Its coefficient is learnt from what changes as the motion sets out, when the tilt does not.
 """
@@ -14,16 +14,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class TiltConfig:
-    """How the probe is turned towards the normal."""
+    """How the probe is rotated towards the normal."""
 
     force_gain: float = 0.9
-    """Share along y of the pressing force per tilt about x [1/rad]: 1 on skin much larger than the
-    probe; measured on the twin, as the next one."""
+    """Force along y over the pressing force, per tilt about x [1/rad]: 1 on skin much larger than
+    the probe; measured on the twin, as the next one."""
     moment_gain: float = 0.031
     """Moment about y over the pressing force per tilt about y [m/rad]: half of the face's radius of
     60 mm."""
     time_constant: float = 1.0
-    """Of the turn towards the normal [s]."""
+    """Of the rotation towards the normal [s]."""
     filter_hz: float = 1.0
     """Corner of the low-pass on both signals [Hz]."""
     force_dead_band: float = math.radians(1.0)
@@ -37,10 +37,10 @@ class TiltConfig:
     """Largest correction about each axis [rad]."""
     rate_limit: float = math.radians(3.0)
     """Largest speed of it [rad/s]."""
-    least_force: float = 1.0
+    min_force: float = 1.0
     """Pressing force below which the wrench says nothing about the tilt [N]."""
-    largest_noise: float = 0.1
-    """Noise of the force beyond which the sensor is not believed [N]: an arm's built-in one has
+    max_noise: float = 0.1
+    """Noise of the force beyond which the sensor's tilt is ignored [N]: an arm's built-in one has
     offsets of a newton across the axis, which look like ten degrees."""
     friction: float = 0.1
     """Coefficient of friction to begin with [-]: gel has .05 to .2."""
@@ -53,7 +53,7 @@ class TiltMemory:
     """What the correction carries from one period to the next."""
 
     rx: float = 0.0
-    """Turn of the probe about its own x, against the plan [rad]."""
+    """Rotation of the probe about its own x, against the plan [rad]."""
     ry: float = 0.0
     """The same about y [rad]."""
     fx: float = 0.0
@@ -101,12 +101,12 @@ class Drag:
     """[s]"""
 
 
-def turn(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
+def update(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
     """One period later; without contact, or with a sensor that is too noisy, the correction
     stays as it is.
     """
     pressing = -now.wrench[2]
-    if pressing < config.least_force or now.noise > config.largest_noise:
+    if pressing < config.min_force or now.noise > config.max_noise:
         return memory
     fast = 1.0 - math.exp(-2.0 * math.pi * config.filter_hz * now.period)
     fx = memory.fx + fast * (now.wrench[0] / pressing - memory.fx)

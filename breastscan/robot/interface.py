@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.servo import Servo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +55,10 @@ class Robot(Protocol):
         ...
 
     @property
-    def servo_lag(self) -> float:
-        """Time by which the arm trails steadily moving joint targets [s]: `state` after a
-        `servo_joint` shows about the target of so long ago. Nominal; whoever wants the arm on a
-        planned motion leads its targets by it.
+    def servo(self) -> Servo:
+        """How the arm follows the targets of `servo_joint`: `state` after one shows, in steady
+        motion, about the target of `servo.lag` ago. Nominal; whoever wants the arm on a planned
+        motion leads its targets by the lag, and whoever predicts the arm goes by all of it.
         """
         ...
 

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-NEGLIGIBLE_WAY = 1e-12
+NEGLIGIBLE_DISTANCE = 1e-12
 """Joint motion that is done in one step [rad]."""
 
 
 class Trapezoid:
-    """A way from rest to rest, as fast as speed and acceleration allow."""
+    """Trapezoidal speed profile from rest to rest, as fast as speed and acceleration allow."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         """Of a positive `length` [m or rad], at most `speed` and `acceleration` [the same per s
@@ -22,8 +22,8 @@ class Trapezoid:
         self.duration = float(length / self._top_speed + self._ramp_time)
         """[s]"""
 
-    def way(self, t: float) -> float:
-        """Way covered by the time `t` [s]."""
+    def distance(self, t: float) -> float:
+        """Distance covered by the time `t` [s]."""
         if t < self._ramp_time:
             return self._acceleration * t**2 / 2
         if t < self.duration - self._ramp_time:
@@ -43,17 +43,17 @@ def trapezoid(
     Args:
         start: Joint angles at rest [rad].
         end: Joint angles to come to rest at [rad].
-        speed: Top speed of the joint with the longest way [rad/s].
+        speed: Top speed of the joint with the longest motion [rad/s].
         acceleration: Its acceleration [rad/s^2].
         period: Time between targets [s].
     """
-    way = float(np.abs(end - start).max())
-    if way < NEGLIGIBLE_WAY:
+    distance = float(np.abs(end - start).max())
+    if distance < NEGLIGIBLE_DISTANCE:
         yield end
         return
-    profile = Trapezoid(way, speed, acceleration)
+    profile = Trapezoid(distance, speed, acceleration)
     for k in range(1, int(np.ceil(profile.duration / period))):
-        yield start + (end - start) * profile.way(k * period) / way
+        yield start + (end - start) * profile.distance(k * period) / distance
     yield end
 
 

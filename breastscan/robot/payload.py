@@ -11,9 +11,9 @@ from breastscan.errors import CalibrationError
 
 GRAVITY_B = np.array([0.0, 0.0, -9.80665])
 """Standard gravity over a robot that stands upright [m/s^2]."""
-FEWEST_POSES = 4
+MIN_POSES = 4
 """Static poses with which mass, centre and the sensor's zero can be told apart."""
-LEAST_SPREAD = 0.1
+MIN_SPREAD = 0.1
 """Least singular value, per pose, of the centred directions of gravity: about 20 degrees of tilt to
 every side [-]."""
 
@@ -97,20 +97,20 @@ def identify(
 
 
 def _check_poses(gravity_F: np.ndarray) -> None:
-    if len(gravity_F) < FEWEST_POSES:
+    if len(gravity_F) < MIN_POSES:
         raise CalibrationError(
             f"{len(gravity_F)} poses do not tell the payload from the sensor's zero: take "
-            f"{FEWEST_POSES} or more",
+            f"{MIN_POSES} or more",
             len(gravity_F),
         )
     directions = gravity_F / np.linalg.norm(gravity_F, axis=1, keepdims=True)
     spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False) / np.sqrt(
         len(directions)
     )
-    if spread[1] < LEAST_SPREAD:
+    if spread[1] < MIN_SPREAD:
         raise CalibrationError(
             f"the poses tilt the flange too little (spread {spread[1]:.2f}, expected "
-            f"{LEAST_SPREAD}): tilt it by 30 degrees or more to several sides",
+            f"{MIN_SPREAD}): tilt it by 30 degrees or more to several sides",
             spread[1],
         )
 

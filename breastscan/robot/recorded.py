@@ -2,6 +2,7 @@
 now.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from breastscan.errors import ConfigError, RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
+from breastscan.robot.ur.ur5e import SERVO
 from breastscan.run.columns import LOG_FILE, Trajectory
+from breastscan.servo import Servo
 
 READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
 """What is read of the log."""
@@ -21,7 +24,7 @@ TOOL_SPREAD = 1e-5
 log's poses follow from its joint angles, so more means another kinematic calibration."""
 TOLERANCE = 1e-3
 """Most by which a joint's target may differ from the recorded one [rad], .8 mm at the tip. A
-recording does not answer, so a law that integrates what it feels drifts on it: over 60 mm of
+recording does not react, so a law that integrates what it feels drifts on it: over 60 mm of
 contact by 2e-4 rad from a fitted lag that is 8e-6 s off, by 3e-8 rad from the right one."""
 CLOCK_DIGITS = 6
 """Decimals of the period [s]: a median of differences is off by rounding, and who counts periods by
@@ -33,7 +36,7 @@ class RecordedRobot:
     regression of controllers.
 
     Each `servo_joint` advances the recording by one of its rows, which `state` then shows. The
-    recording cannot answer a command that was not given at the time: a target further from the
+    recording cannot react to a command that was not given at the time: a target further from the
     recorded one than the tolerance is refused, with the place where the two runs part. Rows follow
     each other as commands did; where the log has a gap in time, so have the states.
 
@@ -48,7 +51,7 @@ class RecordedRobot:
         recording: Trajectory,
         *,
         calibration: KinematicCalibration | None = None,
-        servo_lag: float | None = None,
+        servo: Servo | None = None,
         tolerance: float = TOLERANCE,
     ) -> None:
         """Stand at the first row.
@@ -56,8 +59,8 @@ class RecordedRobot:
         Args:
             recording: What was done.
             calibration: The arm's kinematics in that run; None for the nominal ones.
-            servo_lag: The lag that the robot of that run said it had [s]; None to fit it to the
-                recording.
+            servo: The servo that the robot of that run said it had. A log does not hold it: None
+                fits the lag to the recording and assumes a UR's gain and transport for the rest.
             tolerance: Most by which a joint's target may differ from the recorded one [rad].
 
         Raises:
@@ -73,11 +76,13 @@ class RecordedRobot:
         """Control period of the recording [s]."""
         self.X_FP = _tool(self.calibration.forward(self._log.q), recording.X_BP)
         """Pose of the probe tip in the flange, as the recorded poses imply it."""
-        self.servo_lag = (
-            _lag(self._log.q, self._log.target, self.period) if servo_lag is None else servo_lag
+        self.servo = (
+            _assumed_servo(_lag(self._log.q, self._log.target, self.period))
+            if servo is None
+            else servo
         )
-        """Time by which the recorded joints trail their targets [s]: as given, or fitted over the
-        whole recording."""
+        """How the recorded joints followed their targets: as given, or assumed, with a lag that is
+        fitted over the whole recording."""
         self._row = 0
 
     @staticmethod
@@ -91,7 +96,7 @@ class RecordedRobot:
 
     @property
     def rows_left(self) -> int:
-        """Commands that the recording can still answer."""
+        """Commands for which the recording still has rows."""
         return len(self._log.t) - 1 - self._row
 
     def state(self) -> RobotState:
@@ -174,6 +179,13 @@ def _tool(
             spread,
         )
     return X_FP[0]
+
+
+def _assumed_servo(lag: float) -> Servo:
+    """A UR's servoj that trails by `lag` [s]; where that is less than its transport, a delay."""
+    if lag <= SERVO.transport:
+        return Servo.pure_delay(max(lag, 0.0))
+    return replace(SERVO, lookahead_time=lag - SERVO.transport)
 
 
 def _lag(q: Float[np.ndarray, "n 6"], target: Float[np.ndarray, "n 6"], period: float) -> float:

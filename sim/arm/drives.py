@@ -13,12 +13,13 @@ import numba
 import numpy as np
 from jaxtyping import Float
 
-from sim.arm.servo import PERIOD, ServoJ
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.arm.servo import ServoJ
 from sim.arm.ur5e import JOINTS
 
 INTEGRAL_TIME = 0.1
-"""Time in which the integral answers as much as the position's error does [s]: the damping hardly
-notices it."""
+"""Integral time [s]: after it the integral of a constant error equals the error. It hardly changes
+the damping."""
 STIFFNESS = np.array([joint.stiffness for joint in JOINTS])
 FRICTION_FEED = 1 + np.array([joint.viscous / joint.damping for joint in JOINTS])
 """Velocity command over the wanted speed, so that the actuator's gain gives the viscous friction as

@@ -1,16 +1,12 @@
 """How the arm follows streamed joint targets: the controller's servoj.
 
 The controller's law is not published. The script manual says that `gain` acts like the P term on
-the way from the joint's position to the target, and that `lookahead_time` projects that position
-ahead with the present speed [UR-script]. Read as an acceleration, that is
-
-    q'' = gain (target - (q + lookahead_time q')),
-
-once a period. It trails a steady ramp by `lookahead_time`, whatever the gain, and is damped by
-lookahead_time sqrt(gain) / 2. With nothing fitted it gives what was measured and reported: 30 ms
-beside the transport at .03 s [UR-lag]; overshoot at .03 s and 300, the settings of an early driver,
-where the damping is .26 [UR-overshoot]; calm motion at .03 s and 2000, those of its successor
-(.67), and at the manual's own .1 s and 300 (.87).
+the error between the joint's position and the target, and that `lookahead_time` projects that
+position ahead with the present speed [UR-script]. Read as an acceleration, that is the law of
+`breastscan.servo`, here once a period. With nothing fitted it gives what was measured and reported:
+30 ms beside the transport at .03 s [UR-lag]; overshoot at .03 s and 300, the settings of an early
+driver, where the damping is .26 [UR-overshoot]; calm motion at .03 s and 2000, those of its
+successor (.67), and at the manual's own .1 s and 300 (.87).
 """
 
 from collections import deque
@@ -22,9 +18,9 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import ConfigError
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
+from breastscan.servo import Servo
 
-PERIOD = 0.002
-"""Control period of an e-Series controller [s], and the time step of the physics."""
 LOOKAHEAD_RANGE = (0.03, 0.2)
 """Of servoj's `lookahead_time` [s], from the script manual."""
 GAIN_RANGE = (100.0, 2000.0)
@@ -40,24 +36,24 @@ class ServoConfig:
     lag: bool = True
     """Whether it follows as servoj does; False for a servo that is at its target one period
     later."""
-    lookahead_time: float = 0.03
+    lookahead_time: float = SERVO.lookahead_time
     """Time by which the joint's position is projected ahead [s]: longer is smoother and later."""
-    gain: float = 2000.0
-    """Proportional gain of the way to the target [1/s^2]: lower is later, and less damped."""
-    transport: float = 0.006
+    gain: float = SERVO.gain
+    """Proportional gain on the error to the target [1/s^2]: lower is later, and less damped."""
+    transport: float = SERVO.transport + PERIOD
     """From the sending of a target to the first sample that shows its effect [s]; 2 or 3 periods on
     a robot."""
 
     def __post_init__(self) -> None:
-        for name, (least, most) in (
+        for name, (low, high) in (
             ("lookahead_time", LOOKAHEAD_RANGE),
             ("gain", GAIN_RANGE),
             ("transport", (PERIOD, LONGEST_TRANSPORT)),
         ):
             value = getattr(self, name)
-            if not least <= value <= most:
+            if not low <= value <= high:
                 raise ConfigError(
-                    f"servo.{name} must lie in {least:g} .. {most:g}, got {value}", value
+                    f"servo.{name} must lie in {low:g} .. {high:g}, got {value}", value
                 )
         if abs(self.transport / PERIOD - round(self.transport / PERIOD)) > 1e-6:
             raise ConfigError(
@@ -72,9 +68,15 @@ class ServoConfig:
         return round(self.transport / PERIOD) - 1
 
     @property
-    def nominal_lag(self) -> float:
-        """Time by which the samples trail steadily moving targets [s]."""
-        return self.transport - PERIOD + self.lookahead_time if self.lag else PERIOD
+    def servo(self) -> Servo:
+        """What a robot with these settings says of its servo: a target's effect shows in the sample
+        after the period in which it arrives.
+        """
+        if not self.lag:
+            return Servo.pure_delay(PERIOD)
+        return Servo(
+            lookahead_time=self.lookahead_time, gain=self.gain, transport=self.transport - PERIOD
+        )
 
 
 class ServoJ:

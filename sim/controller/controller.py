@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
@@ -161,7 +160,7 @@ class Controller:
         self._take_inputs()
         self._load()
         if self.runtime is Runtime.PLAYING:
-            self._watch()
+            self._check_watchdogs()
             self._run_program()
         self._move()
         self.history.append(self.state.q)
@@ -249,7 +248,7 @@ class Controller:
         elif self.safety is Safety.NORMAL and mode > self.mode:
             self.mode = mode
 
-    def watch(self, variable: str, longest: float, *, stops: bool) -> None:
+    def arm_watchdog(self, variable: str, longest: float, *, stops: bool) -> None:
         """Arm a watchdog: at least every `longest` [s] the variable must be written, the same
         value counts.
         """
@@ -274,8 +273,8 @@ class Controller:
     def tool_speed(
         self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]
     ) -> Float[np.ndarray, "6"]:
-        """Velocity and turn of the tool in B [m/s, rad/s] at joint angles [rad] and speeds
-        [rad/s].
+        """Linear and angular velocity of the tool in B [m/s, rad/s] at joint angles [rad]
+        and speeds [rad/s].
         """
         return motion.tool_jacobian(self.robot.calibration, q, self.X_FT[:3, 3]) @ qd
 
@@ -353,7 +352,7 @@ class Controller:
             if not self.motion(self.robot, self.scaling):
                 self.motion = motion.hold
             self.state = self.robot.state()
-            self._watch_joints()
+            self._check_joints()
         except (ImpossibleMotion, ArithmeticError, ValueError) as error:  # nothing has moved yet
             self.protective_stop(str(error))
             self.motion = Braking(self.robot, SAFE_DECELERATION)
@@ -363,9 +362,9 @@ class Controller:
             self.safety, self.mode = Safety.FAULT, RobotMode.POWER_OFF
             self.tell(f"the simulation has failed, start the twin anew: {error}")
 
-    def _watch_joints(self) -> None:
+    def _check_joints(self) -> None:
         """Stop whatever moves the arm too fast, or out of its joints' range."""
-        q, qd = self.robot.course
+        q, qd = self.robot.commanded
         if not np.abs(qd).max() <= FASTEST:
             self.protective_stop(f"a joint moves at {np.abs(qd).max():.2f} rad/s")
         elif (np.abs(q) > ANGLE_LIMIT).any() and (q * qd)[np.abs(q) > ANGLE_LIMIT].max() > 0:
@@ -388,7 +387,7 @@ class Controller:
                 value = inputs[f"standard_analog_output_{i}"]
                 self.analog_outputs[i] = float(value)  # type: ignore[arg-type]
 
-    def _watch(self) -> None:
+    def _check_watchdogs(self) -> None:
         for name, dog in list(self.watchdogs.items()):
             if self.time - max(self._written.get(name, 0.0), dog.armed) > dog.longest:
                 if dog.stops:

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse, reaching
@@ -131,25 +130,27 @@ def _readings(controller: Controller) -> Iterable[Function]:
         return int(np.linalg.norm(controller.tool_wrench_B()[:3]) > CONTACT_FORCE)
 
     def is_steady() -> bool:
-        return bool(max(np.abs(controller.state.qd).max(), np.abs(robot.course[1]).max()) < AT_REST)
+        return bool(
+            max(np.abs(controller.state.qd).max(), np.abs(robot.commanded[1]).max()) < AT_REST
+        )
 
     arrays: dict[str, Callable[[], np.ndarray]] = {
         "get_actual_joint_positions": lambda: controller.state.q,
         "get_actual_joint_speeds": lambda: controller.state.qd,
-        "get_target_joint_positions": lambda: robot.course[0],
-        "get_target_joint_speeds": lambda: robot.course[1],
-        "get_target_joint_accelerations": lambda: robot.course_change,
+        "get_target_joint_positions": lambda: robot.commanded[0],
+        "get_target_joint_speeds": lambda: robot.commanded[1],
+        "get_target_joint_accelerations": lambda: robot.commanded_acceleration,
         "get_actual_tcp_speed": lambda: controller.tool_speed(
             controller.state.q, controller.state.qd
         ),
-        "get_target_tcp_speed": lambda: controller.tool_speed(*robot.course),
+        "get_target_tcp_speed": lambda: controller.tool_speed(*robot.commanded),
         "get_tcp_force": controller.tool_wrench_B,
         "get_joint_torques": robot.drive_torques,
     }
     poses: dict[str, Callable[[], np.ndarray]] = {
         "get_actual_tcp_pose": lambda: controller.tool_pose(controller.state.q),
-        "get_target_tcp_pose": lambda: controller.tool_pose(robot.course[0]),
-        "get_target_waypoint": lambda: controller.tool_pose(robot.course[0]),
+        "get_target_tcp_pose": lambda: controller.tool_pose(robot.commanded[0]),
+        "get_target_waypoint": lambda: controller.tool_pose(robot.commanded[0]),
         "get_actual_tool_flange_pose": lambda: arm.forward(controller.state.q),
         "get_tcp_offset": lambda: controller.X_FT,
     }
@@ -218,7 +219,7 @@ def _settings(controller: Controller) -> Iterable[Function]:
         if action == "ignore" or min_frequency <= 0:
             controller.watchdogs.pop(variable, None)
         else:
-            controller.watch(variable, 1 / min_frequency, stops=action == "stop")
+            controller.arm_watchdog(variable, 1 / min_frequency, stops=action == "stop")
 
     def free(on: bool) -> Callable[..., None]:
         def switch(*_: object) -> None:
@@ -297,7 +298,7 @@ def _unsimulated() -> Iterable[Function]:
 
 def _poses() -> Iterable[Function]:
     def added(a: Pose, b: Pose, sign: float) -> Pose:
-        """Positions and turns apart, as the script language adds poses."""
+        """Positions and rotations apart, as the script language adds poses."""
         A, B = a.matrix, b.matrix
         R = B[:3, :3] if sign > 0 else B[:3, :3].T
         return Pose.of(se3.pose(A[:3, :3] @ R, A[:3, 3] + sign * B[:3, 3]))

@@ -22,9 +22,9 @@ def inverse(
     Raises:
         ScriptError: There is none.
     """
-    start = controller.robot.course[0] if near is None else near
+    start = controller.robot.commanded[0] if near is None else near
     solutions = reaching(controller, pose)
     if not solutions.size:
         raise ScriptError(f"no joint angles reach {shown(pose)}", pose)
-    turns = (solutions - start + np.pi) % (2 * np.pi) - np.pi
-    return start + turns[np.abs(turns).max(axis=1).argmin()]
+    differences = (solutions - start + np.pi) % (2 * np.pi) - np.pi
+    return start + differences[np.abs(differences).max(axis=1).argmin()]

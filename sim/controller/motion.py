@@ -10,16 +10,15 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.robot.joint_motion import NEGLIGIBLE_WAY, Trapezoid, braking
+from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, Trapezoid, braking
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
-from breastscan.robot.ur.ur5e import SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
 from sim.robot import SimRobot
 
 Motion = Callable[[SimRobot, float], bool]
 """(robot, speed scaling) -> whether it goes on."""
-TURN_LENGTH = 0.3
-"""Length that a turn by a radian counts as in a straight motion of the tool [m]."""
+ROTATION_LENGTH = 0.3
+"""Length that a rotation by a radian counts as in a straight motion of the tool [m]."""
 LONGEST_STEP = SPEED_TOLERANCE * SPEED_LIMIT * PERIOD
 """That a joint can make in a period [rad]."""
 
@@ -30,7 +29,7 @@ class ImpossibleMotion(Exception):
 
 def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
     """One period, to `q` [rad]."""
-    step = np.abs(q - robot.course[0]).max()
+    step = np.abs(q - robot.commanded[0]).max()
     if not step <= LONGEST_STEP:  # NaN is none either
         raise ImpossibleMotion(
             f"a joint would move by {step:.3g} rad in a period, {LONGEST_STEP:.4f} rad is possible"
@@ -40,7 +39,7 @@ def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
 
 def hold(robot: SimRobot, scaling: float) -> bool:
     """Stay."""
-    robot.go(robot.course[0])
+    robot.go(robot.commanded[0])
     return True
 
 
@@ -57,21 +56,21 @@ class Servo:
 
 
 class Braking:
-    """Along the present course, to rest."""
+    """Along the commanded motion, to rest."""
 
     def __init__(self, robot: SimRobot, deceleration: float) -> None:
         """At a deceleration of the leading joint [rad/s^2]."""
-        self._targets = braking(*robot.course, deceleration, PERIOD)
+        self._targets = braking(*robot.commanded, deceleration, PERIOD)
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
         """One period."""
         target = next(self._targets, None)
-        robot.go(robot.course[0] if target is None else target)
+        robot.go(robot.commanded[0] if target is None else target)
         return target is not None
 
 
 class Travel:
-    """From rest to rest along a way whose joints are a function of the share that is done."""
+    """From rest to rest along a line whose joints are a function of the fraction covered."""
 
     def __init__(
         self,
@@ -81,7 +80,9 @@ class Travel:
         joints: Callable[[float], Float[np.ndarray, "6"]],
     ) -> None:
         self._joints, self._time = joints, 0.0
-        self._profile = Trapezoid(length, speed, acceleration) if length > NEGLIGIBLE_WAY else None
+        self._profile = (
+            Trapezoid(length, speed, acceleration) if length > NEGLIGIBLE_DISTANCE else None
+        )
         self._length = length
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
@@ -90,7 +91,7 @@ class Travel:
             _go(robot, self._joints(1.0))
             return False
         self._time = min(self._time + scaling * PERIOD, self._profile.duration)
-        _go(robot, self._joints(self._profile.way(self._time) / self._length))
+        _go(robot, self._joints(self._profile.distance(self._time) / self._length))
         return self._time < self._profile.duration
 
 
@@ -100,12 +101,12 @@ def joint_travel(
     """Straight in joint space to `q`; speed and acceleration of the leading joint [rad/s,
     rad/s^2].
     """
-    start = robot.course[0]
+    start = robot.commanded[0]
     return Travel(
         float(np.abs(q - start).max()),
         speed,
         acceleration,
-        lambda share: start + share * (q - start),
+        lambda fraction: start + fraction * (q - start),
     )
 
 
@@ -120,19 +121,21 @@ def straight_travel(
     """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in
     m and s.
     """
-    q = robot.course[0]
+    q = robot.commanded[0]
     X_start, X_TF = arm.forward(q) @ X_FT, se3.inverse(X_FT)
-    turn = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
-    way = X_BT[:3, 3] - X_start[:3, 3]
+    rotation = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
+    displacement = X_BT[:3, 3] - X_start[:3, 3]
 
-    def joints(share: float) -> Float[np.ndarray, "6"]:
+    def joints(fraction: float) -> Float[np.ndarray, "6"]:
         nonlocal q
-        X = X_start @ se3.from_rotation_vector(share * turn, np.zeros(3))
-        X[:3, 3] = X_start[:3, 3] + share * way
+        X = X_start @ se3.from_rotation_vector(fraction * rotation, np.zeros(3))
+        X[:3, 3] = X_start[:3, 3] + fraction * displacement
         q = arm.step(q, X @ X_TF)
         return q
 
-    length = max(float(np.linalg.norm(way)), TURN_LENGTH * float(np.linalg.norm(turn)))
+    length = max(
+        float(np.linalg.norm(displacement)), ROTATION_LENGTH * float(np.linalg.norm(rotation))
+    )
     return Travel(length, speed, acceleration, joints)
 
 
@@ -144,15 +147,15 @@ class JointSpeed:
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
         """One period."""
-        q, qd = robot.course
-        change, most = scaling * self._qd - qd, self._acceleration * PERIOD
+        q, qd = robot.commanded
+        change, max_change = scaling * self._qd - qd, self._acceleration * PERIOD
         largest = float(np.abs(change).max())
-        _go(robot, q + PERIOD * (qd + change * min(1.0, most / max(largest, 1e-12))))
+        _go(robot, q + PERIOD * (qd + change * min(1.0, max_change / max(largest, 1e-12))))
         return True
 
 
 class ToolSpeed:
-    """speedl: the same for the tool's velocity and turn in the base."""
+    """speedl: the same for the tool's linear and angular velocity in the base."""
 
     def __init__(
         self,
@@ -168,12 +171,12 @@ class ToolSpeed:
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
         """One period."""
-        q, qd = robot.course
+        q, qd = robot.commanded
         J = tool_jacobian(self._arm, q, self._p_FT)
         now = J @ qd
-        change, most = scaling * self._speed - now, self._acceleration * PERIOD
+        change, max_change = scaling * self._speed - now, self._acceleration * PERIOD
         largest = max(float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:])))
-        wanted = now + change * min(1.0, most / max(largest, 1e-12))
+        wanted = now + change * min(1.0, max_change / max(largest, 1e-12))
         _go(robot, q + PERIOD * np.linalg.lstsq(J, wanted, rcond=1e-3)[0])
         return True
 
@@ -181,7 +184,7 @@ class ToolSpeed:
 def tool_jacobian(
     arm: KinematicCalibration, q: Float[np.ndarray, "6"], p_FT: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "6 6"]:
-    """From joint speeds to the tool's velocity and turn in B, velocity first."""
+    """From joint speeds to the tool's linear and angular velocity in B, the linear first."""
     J, lever_B = arm.jacobian(q).copy(), arm.forward(q)[:3, :3] @ p_FT
     J[:3] -= cross_matrix(lever_B) @ J[3:]
     return J

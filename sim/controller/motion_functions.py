@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE, PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
+from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE
 from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse
@@ -47,7 +47,7 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
     joint_a, joint_v = Parameter("a", POSITIVE, 1.4), Parameter("v", POSITIVE, 1.05)
     tool_a, tool_v = Parameter("a", POSITIVE, 1.2), Parameter("v", POSITIVE, 0.25)
     t, r = Parameter("t", NUMBER, 0.0), Parameter("r", NUMBER, 0.0)
-    until, turn_a = Parameter("t", NUMBER, None), Parameter("aRot", NUMBER, 0.0)
+    until, rotation_a = Parameter("t", NUMBER, None), Parameter("aRot", NUMBER, 0.0)
     unused_a, unused_v = Parameter("a", NUMBER, 0.0), Parameter("v", NUMBER, 0.0)
     rows = (
         row("movej", moves.movej, Parameter("q", PLACE), joint_a, joint_v, t, r),
@@ -65,9 +65,9 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
             Parameter("gain", NUMBER, 300.0),
         ),
         row("speedj", moves.speedj, Parameter("qd", JOINTS), joint_a, until),
-        row("speedl", moves.speedl, Parameter("xd", JOINTS), tool_a, until, turn_a),
+        row("speedl", moves.speedl, Parameter("xd", JOINTS), tool_a, until, rotation_a),
         row("stopj", moves.stopj, Parameter("a", NUMBER, 2.0)),
-        row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), turn_a),
+        row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), rotation_a),
         row(
             "direct_torque",
             moves.direct_torque,
@@ -140,7 +140,7 @@ class _Moves:
     ) -> Wait:
         """Towards a target that the next call replaces."""
         controller, robot = self._controller, self._robot
-        last = controller.motion.q if isinstance(controller.motion, Servo) else robot.course[0]
+        last = controller.motion.q if isinstance(controller.motion, Servo) else robot.commanded[0]
         if (
             not np.abs(q).max() <= ANGLE_LIMIT
             or np.abs(q - last).max() > SPEED_TOLERANCE * LATE_TIME * SPEED_LIMIT
@@ -164,10 +164,10 @@ class _Moves:
             yield from _sleep(t)
             return
         yield
-        while np.abs(robot.course[1] - controller.scaling * qd).max() > 1e-6:
+        while np.abs(robot.commanded[1] - controller.scaling * qd).max() > 1e-6:
             yield
 
-    def speedl(self, xd: Vector6, a: float, t: float | None, turn_a: float) -> Wait:
+    def speedl(self, xd: Vector6, a: float, t: float | None, rotation_a: float) -> Wait:
         """At a velocity of the tool."""
         controller = self._controller
         controller.motion = ToolSpeed(self._robot.calibration, controller.X_FT, xd, a)
@@ -181,7 +181,7 @@ class _Moves:
         while controller.motion is mine:
             yield
 
-    def stopl(self, a: float, turn_a: float) -> Wait:
+    def stopl(self, a: float, rotation_a: float) -> Wait:
         """The same at a deceleration of the tool."""
         # about so much of the leading joint, for a tool half a metre away
         yield from self.stopj(2 * a)

@@ -96,18 +96,18 @@ class Outputs:
             return (robot.drive_torques() / TORQUE_CONSTANT).tolist()
 
         return {
-            "target_q": lambda: robot.course[0].tolist(),
-            "target_qd": lambda: robot.course[1].tolist(),
-            "target_qdd": lambda: robot.course_change.tolist(),
+            "target_q": lambda: robot.commanded[0].tolist(),
+            "target_qd": lambda: robot.commanded[1].tolist(),
+            "target_qdd": lambda: robot.commanded_acceleration.tolist(),
             "actual_q": lambda: c.state.q.tolist(),
             "actual_qd": lambda: c.state.qd.tolist(),
             "target_moment": lambda: robot.drive_torques().tolist(),
             "actual_current_as_torque": lambda: robot.drive_torques().tolist(),
             **dict.fromkeys(("target_current", "actual_current", "joint_control_output"), currents),
             "actual_TCP_pose": lambda: Pose.of(c.tool_pose(c.state.q)),
-            "target_TCP_pose": lambda: Pose.of(c.tool_pose(robot.course[0])),
+            "target_TCP_pose": lambda: Pose.of(c.tool_pose(robot.commanded[0])),
             "actual_TCP_speed": lambda: c.tool_speed(c.state.q, c.state.qd).tolist(),
-            "target_TCP_speed": lambda: c.tool_speed(*robot.course).tolist(),
+            "target_TCP_speed": lambda: c.tool_speed(*robot.commanded).tolist(),
             "actual_TCP_force": self._wrench,
             "ft_raw_wrench": self._raw_wrench,
             "tcp_offset": lambda: Pose.of(c.X_FT),

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Callable
 from typing import Protocol
 
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
 from sim.controller.variables import INPUTS, OUTPUTS, Recipe
@@ -21,7 +21,7 @@ OLD_FREQUENCY = 125.0
 """Rate in the protocol's first version [Hz]."""
 EXCEPTION, ERROR = 0, 1
 """Levels of a text message."""
-MOST_RECIPES, MOST_FIELDS = 255, 400
+MAX_RECIPES, MAX_FIELDS = 255, 400
 """Of inputs, and fields of a recipe, for each connection: a little more than there are
 variables."""
 MAY_BE_NOISE = frozenset({"standard_analog_output_0", "standard_analog_output_1"})
@@ -161,7 +161,7 @@ class Connection:
             payload = payload[8:]
         names = _names(payload)
         kinds = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
-        known = "NOT_FOUND" not in kinds and len(names) <= MOST_FIELDS and math.isfinite(frequency)
+        known = "NOT_FOUND" not in kinds and len(names) <= MAX_FIELDS and math.isfinite(frequency)
         if known:
             self._recipe, self._read = Recipe(names, kinds), self._outputs.reader(names)
             self._per_cycle, self._due = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY, 0.0
@@ -175,7 +175,7 @@ class Connection:
             for name in names
         ]
         number = 0
-        fits = len(names) <= MOST_FIELDS and len(self._inputs) < MOST_RECIPES
+        fits = len(names) <= MAX_FIELDS and len(self._inputs) < MAX_RECIPES
         if fits and not {"NOT_FOUND", "IN_USE"} & set(kinds):
             self._registry.take(names, self)
             self._held.update(names)
@@ -207,7 +207,7 @@ def _names(payload: bytes) -> list[str]:
     """Names between commas; a client in use ends the list with one."""
     names = [name.strip() for name in payload.decode("ascii").split(",")]
     names = names[:-1] if names and not names[-1] else names
-    return names[: MOST_FIELDS + 1]
+    return names[: MAX_FIELDS + 1]
 
 
 def _is_finite(value: float | list[float]) -> bool:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import polars as pl
 
+from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
-from sim.arm.servo import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
 from sim.controller.functions import script_functions
@@ -30,7 +30,7 @@ program's turn. The arm then trails a client's targets by 32 to 34 ms, depending
 they arrive."""
 KEPT_TRUTH = 300.0
 """How much of the truth is kept, the latest [s]."""
-MOST_TOLD, LONGEST_TOLD = 20, 1000
+MAX_TOLD, LONGEST_TOLD = 20, 1000
 """Lines for the operator in a second, and characters of each: clients cause them."""
 
 
@@ -80,11 +80,11 @@ def _without_waiting(tell: Callable[[str], None]) -> Callable[[str], None]:
     """Tells so much a second at most, and only while whoever started it reads: the cycle waits
     for nobody.
     """
-    told: deque[float] = deque(maxlen=MOST_TOLD)
+    told: deque[float] = deque(maxlen=MAX_TOLD)
 
     def tell_some(text: str) -> None:
         now = time.monotonic()
-        if len(told) == MOST_TOLD and now - told[0] < 1.0:
+        if len(told) == MAX_TOLD and now - told[0] < 1.0:
             return
         try:
             if not select.select([], [sys.stdout], [], 0.0)[1]:
@@ -102,7 +102,7 @@ def _compile(robot: SimRobot) -> None:
     """Compile what programs call: in a cycle it would take seconds, and a client gives up a
     stream silent for 2.5 s.
     """
-    q, arm = robot.course[0], robot.calibration
+    q, arm = robot.commanded[0], robot.calibration
     robot.follow(q)
     X_BF = arm.forward(q)
     arm.jacobian(q)

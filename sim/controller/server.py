@@ -11,12 +11,11 @@ import time
 from collections.abc import Callable
 
 from breastscan.errors import RobotError
-from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import DASHBOARD_PORT, PERIOD, RTDE_PORT
 from sim.controller import dashboard, primary
 from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
-from sim.controller.faults import CONTROL_PORT, Faults
+from sim.controller.fault_injection import CONTROL_PORT, FaultInjector
 from sim.controller.outputs import Outputs
 from sim.controller.rtde import EXCEPTION, Connection, Registry
 from sim.controller.urscript.splitter import Splitter
@@ -31,8 +30,8 @@ TOO_LATE = 0.05
 PATIENCE = 2.0
 """Longest that a cycle waits in lockstep for an answer [s]; then time goes on until one comes."""
 LONGEST_WAIT = 0.1
-"""Between two looks at whether the end has come [s]."""
-MOST_CLIENTS = 32
+"""Between two checks whether the end has come [s]."""
+MAX_CLIENTS = 32
 """At each port; who comes beyond is hung up on."""
 PRIORITY = 20
 """Of real-time scheduling, where the system grants it."""
@@ -49,7 +48,7 @@ class Server:
         """
         self.controller = controller
         self._outputs, self._registry = Outputs(controller), Registry()
-        self._faults = Faults(controller, self._outputs, self._hang_up)
+        self._faults = FaultInjector(controller, self._outputs, self._hang_up)
         host = controller.config.host
         ports = {RTDE_PORT: self._on_rtde, CONTROL_PORT: self._on_control}
         ports |= dict.fromkeys(SCRIPT_PORTS, self._on_script)
@@ -164,7 +163,7 @@ class Server:
         except OSError:  # gone already
             return
         clients = self._at[listener]
-        if len(clients) >= MOST_CLIENTS:
+        if len(clients) >= MAX_CLIENTS:
             sock.close()
             return
         try:

@@ -13,8 +13,8 @@ class ScanSnapshot(Snapshot):
 
     stage: str
     """What is being done."""
-    share: float
-    """How much of it is done, 0 to 1."""
+    fraction: float
+    """Fraction of it that is done, 0 to 1."""
     time: Float[np.ndarray, "n"]
     """Robot's clock [s]."""
     force: Float[np.ndarray, "n"]

@@ -158,7 +158,7 @@ class Panel(ViewerPlugin):
 
     def _build_progress_gui(self, scan: ScanSnapshot) -> None:
         clock = f"{scan.time[-1]:.1f} s" if len(scan.time) else ""
-        imgui.ProgressBar(scan.share, imgui.Vec2(-1, 0), f"{scan.stage}  {clock}")
+        imgui.ProgressBar(scan.fraction, imgui.Vec2(-1, 0), f"{scan.stage}  {clock}")
 
     def _build_history_gui(self, scan: ScanSnapshot) -> None:
         now = float(scan.time[-1]) if len(scan.time) else 0.0

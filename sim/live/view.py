@@ -39,8 +39,8 @@ BINNING = 4
 """Camera pixels to a shown one, each way."""
 
 
-class Wishes(SimPlugin):
-    """What the user wants, as it arrives from the viewer."""
+class ViewerCommands(SimPlugin):
+    """The user's commands, as they arrive from the viewer."""
 
     def __init__(self) -> None:
         self.pace = START
@@ -72,14 +72,14 @@ class LiveView:
         self._pace = Pace()
         self._robot: SimRobot | None = None
         self._camera: SimStereoCamera | None = None
-        self._stage, self._share = "ready: press Run", 0.0
+        self._stage, self._fraction = "ready: press Run", 0.0
         self._history: list[tuple[float, float, float]] = []
         self._results: tuple[tuple[str, str], ...] = ()
         self._frame_at = self._pictures_at = 0.0
         self._ending = False
         self._arrange(HOME_Q, scene.phantom.skin.vertices_S, 0.0)
-        self._wishes = Wishes()
-        self._handle = launch(config, [Panel(force), self._wishes])
+        self._commands = ViewerCommands()
+        self._handle = launch(config, [Panel(force), self._commands])
         try:
             self._handle.set_model(self._model, data=self._data)
             self._wait_while_paused()
@@ -98,15 +98,15 @@ class LiveView:
         """Show the path [m]."""
         self._handle.send_to_viewer(PlanEvent(loop_B=loop_B))
 
-    def stage(self, name: str, share: float) -> None:
+    def stage(self, name: str, fraction: float) -> None:
         """Say what is being done and how much of it is done."""
-        self._stage, self._share = name, share
+        self._stage, self._fraction = name, fraction
         self._show()
 
     def linger(self, results: tuple[tuple[str, str], ...]) -> None:
         """Show the results until the user closes the viewer or presses Ctrl-C."""
         self._stage = "done"
-        self._share = 1.0
+        self._fraction = 1.0
         self._results = results
         while self._handle.is_running():
             self._show()
@@ -126,7 +126,7 @@ class LiveView:
         self.close()
 
     def _wait_while_paused(self) -> None:
-        while self._wishes.pace.paused:
+        while self._commands.pace.paused:
             self._show()
             time.sleep(FRAME_TIME)
 
@@ -134,12 +134,12 @@ class LiveView:
         """After a period of the simulation: wait for the clock, show, wait for the user."""
         if self._ending or self._robot is None:
             return
-        self._pace.speed = self._wishes.pace.speed
+        self._pace.speed = self._commands.pace.speed
         self._pace.keep(self._robot.state().time)
         if time.perf_counter() < self._frame_at:
             return
         self._show()
-        if self._wishes.pace.paused:
+        if self._commands.pace.paused:
             with _interruptible():
                 self._wait_while_paused()
             self._pace.restart()
@@ -174,7 +174,7 @@ class LiveView:
         )
         return ScanSnapshot(
             stage=self._stage,
-            share=self._share,
+            fraction=self._fraction,
             time=time_s,
             force=force,
             depth_mm=depth_mm,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 from breastscan.errors import ConfigError
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 
 Quality = Literal["ideal", "industrial", "ur5e_builtin"]
 MINUTE = 60.0

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.robot.payload import GRAVITY_B, Payload, cross_matrix, load_map
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.wrist.probe import SENSOR_HEIGHT
 from sim.wrist.wrench_errors import TORQUE_ARM, WrenchErrors, WrenchSensorConfig
 

@@ -97,7 +97,7 @@ def test_the_log_runs_at_500_hz_without_a_gap(trajectory):
 def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
     loop = trajectory.filter(pl.col("phase") == "loop")
     q, target, q_plan = (loop[name].to_numpy() for name in ("q", "target", "q_plan"))
-    late = round(ServoConfig().nominal_lag / 0.002)
+    late = round(ServoConfig().servo.lag / 0.002)
     assert np.abs(q - target).max() > 0.0
     # the arm trails its targets by the servo's lag
     assert np.abs(q[late:] - target[:-late]).max() < 0.001

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from breastscan.control.lag import LARGEST_CORRECTION, LagEstimate
+from breastscan.control.lag import MAX_CORRECTION, LagEstimate
 
 NOMINAL = 0.034
 
@@ -39,4 +39,4 @@ def test_an_arm_at_rest_tells_nothing():
 
 
 def test_the_correction_is_bounded():
-    assert estimate(0.2) == pytest.approx((1 + LARGEST_CORRECTION) * NOMINAL)
+    assert estimate(0.2) == pytest.approx((1 + MAX_CORRECTION) * NOMINAL)

@@ -5,19 +5,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from breastscan.control import phases
-from breastscan.control.phases import Phase, PhaseConfig, Progress, Route, Situation
+from breastscan.control.phases import PathSection, Phase, PhaseConfig, Progress, Situation
 from breastscan.errors import RobotError, SafetyError
 
 CONFIG = PhaseConfig()
 PERIOD = 0.002
-ROUTE = Route(1000)
+SECTION = PathSection(1000)
 SKIN_NEAR = Situation(depth=0.0, rate=0.0, force=0.0, touching=False)
 AIR = Situation(depth=-0.03, rate=0.0, force=0.0, touching=False)
 SKIN = Situation(depth=0.005, rate=0.0, force=5.0, touching=True)
 
 
-def step(progress, now, route=ROUTE):
-    return phases.step(progress, now, route, 5.0, CONFIG, PERIOD)
+def step(progress, now, section=SECTION):
+    return phases.step(progress, now, section, 5.0, CONFIG, PERIOD)
 
 
 @pytest.mark.parametrize(
@@ -39,15 +39,15 @@ def step(progress, now, route=ROUTE):
     ],
 )
 def test_each_phase_leads_where_it_should(phase, now, row, leads_to):
-    progress, demand = step(Progress(phase, row=row), now)
+    progress, command = step(Progress(phase, row=row), now)
     assert progress.phase is leads_to
-    assert demand.fault is None
+    assert command.fault is None
 
 
 @pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.SETTLE, Phase.LOOP])
 def test_a_pause_leads_off_the_skin_from_every_phase_on_it(phase):
     now = SKIN if phase is not Phase.APPROACH else AIR
-    progress = Progress(phase, row=500.0, feed=float(phase is Phase.LOOP))
+    progress = Progress(phase, row=500.0, feed_override=float(phase is Phase.LOOP))
     seen = []
     for _ in range(2000):
         lifted = progress.phase in (Phase.RETREAT, Phase.PAUSE)
@@ -57,8 +57,8 @@ def test_a_pause_leads_off_the_skin_from_every_phase_on_it(phase):
         progress, _ = step(progress, now)
         seen.append(progress.phase)
     assert seen[-1] is Phase.PAUSE
-    assert progress.feed == 0.0
-    assert 500.0 <= progress.row <= 500.0 + 0.5 * CONFIG.feed_time / PERIOD + 1
+    assert progress.feed_override == 0.0
+    assert 500.0 <= progress.row <= 500.0 + 0.5 * CONFIG.override_time / PERIOD + 1
 
 
 @pytest.mark.parametrize(
@@ -76,15 +76,15 @@ def test_what_must_not_be_is_told(phase, now, error):
 
 @given(phase=st.sampled_from(list(Phase)))
 def test_every_phase_leads_to_the_escape_which_stops_the_path_within_a_tenth_of_a_second(phase):
-    progress = phases.escape(Progress(phase, row=500.0, feed=1.0), SKIN.depth)
+    progress = phases.escape(Progress(phase, row=500.0, feed_override=1.0), SKIN.depth)
     if phase is Phase.DONE:
         assert progress.phase is Phase.DONE
         return
-    for _ in range(round(CONFIG.escape_feed_time / PERIOD) + 1):
-        progress, demand = step(progress, SKIN)
-        assert demand.speed == -CONFIG.escape_speed
-    assert progress.feed == 0.0
-    assert progress.row < 500.0 + CONFIG.escape_feed_time / PERIOD
+    for _ in range(round(CONFIG.escape_override_time / PERIOD) + 1):
+        progress, command = step(progress, SKIN)
+        assert command.speed == -CONFIG.escape_speed
+    assert progress.feed_override == 0.0
+    assert progress.row < 500.0 + CONFIG.escape_override_time / PERIOD
 
 
 @pytest.mark.parametrize(("entry", "ends_at"), [(0.005, -0.03), (-0.010, -0.04)])
@@ -94,21 +94,21 @@ def test_a_retreat_goes_as_far_from_where_the_skin_was_as_from_where_it_was_plan
         assert step(phases.escape(Progress(Phase.LOOP), entry), now)[1].speed == speed
 
 
-def test_the_feed_rises_over_its_time_and_the_row_with_it():
+def test_the_feed_override_rises_over_its_time_and_the_row_with_it():
     progress = Progress(Phase.LOOP)
     rows = []
     for _ in range(500):
         progress, _ = step(progress, SKIN)
         rows.append(progress.row)
-    assert progress.feed == 1.0
-    assert rows[-1] == pytest.approx(500 - 0.5 * CONFIG.feed_time / PERIOD, abs=1)
+    assert progress.feed_override == 1.0
+    assert rows[-1] == pytest.approx(500 - 0.5 * CONFIG.override_time / PERIOD, abs=1)
 
 
 @pytest.mark.parametrize("start", [300, 301])
 def test_the_way_through_the_air_ends_at_the_row_where_the_scan_starts(start):
-    progress, route = Progress(Phase.TRAVEL), Route(1000, start)
+    progress, section = Progress(Phase.TRAVEL), PathSection(1000, start)
     for _ in range(3000):
-        progress, _ = step(progress, AIR, route)
+        progress, _ = step(progress, AIR, section)
         if progress.phase is not Phase.TRAVEL:
             break
     assert progress.phase is Phase.APPROACH
@@ -130,8 +130,8 @@ def test_the_ramp_is_over_before_the_path_begins():
 def test_a_contact_that_is_lost_again_and_again_ends_the_scan():
     progress, lost = Progress(Phase.LOOP, row=500.0), 0
     while lost <= CONFIG.losses:
-        progress, demand = step(progress, AIR)
-        if demand.fault is not None:
+        progress, command = step(progress, AIR)
+        if command.fault is not None:
             break
         lost += 1
         assert progress.phase is Phase.SEARCH
@@ -140,11 +140,11 @@ def test_a_contact_that_is_lost_again_and_again_ends_the_scan():
             progress, _ = step(progress, SKIN)
         assert progress.phase is Phase.LOOP
     assert lost == CONFIG.losses
-    assert isinstance(demand.fault, RobotError)
-    assert "lost 6 times" in str(demand.fault)
+    assert isinstance(command.fault, RobotError)
+    assert "lost 6 times" in str(command.fault)
 
 
 def test_lost_contact_is_searched_for_no_faster_than_the_skin_was_approached():
     config = PhaseConfig(approach_speed=0.003)
-    _, demand = phases.step(Progress(Phase.SEARCH), SKIN_NEAR, ROUTE, 5.0, config, PERIOD)
-    assert demand.speed == 0.003
+    _, command = phases.step(Progress(Phase.SEARCH), SKIN_NEAR, SECTION, 5.0, config, PERIOD)
+    assert command.speed == 0.003

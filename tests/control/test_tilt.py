@@ -32,7 +32,7 @@ def scan(
             -5.0,
             -5.0 * CONFIG.moment_gain * left_y,
         ) + noise * rng.standard_normal(4) * [1.0, 1.0, 1.0, 0.2]
-        memory = tilt.turn(Drag((fx, fy, fz, my), (vx, vy), noise, PERIOD), memory, config)
+        memory = tilt.update(Drag((fx, fy, fz, my), (vx, vy), noise, PERIOD), memory, config)
     return memory
 
 
@@ -59,7 +59,7 @@ def test_friction_is_learnt_and_not_taken_for_a_tilt(friction, heading):
 def test_the_correction_stays_within_its_bound_and_its_rate():
     memory = scan(about_x=math.radians(30.0))
     assert memory.rx == pytest.approx(-CONFIG.bound)
-    one = tilt.turn(
+    one = tilt.update(
         Drag((0.0, 4.0, -5.0, 0.0), (0.0, 0.0), 0.0, PERIOD), TiltMemory(fy=1.0), CONFIG
     )
     assert abs(one.rx) == pytest.approx(CONFIG.rate_limit * PERIOD)
@@ -69,7 +69,7 @@ def test_the_correction_stays_within_its_bound_and_its_rate():
 def test_without_a_firm_contact_or_a_good_sensor_nothing_is_turned(change):
     now = replace(Drag((0.3, 0.3, -5.0, 0.01), (0.0, 0.0), 0.05, PERIOD), **change)
     before = TiltMemory(rx=0.01)
-    assert tilt.turn(now, before, CONFIG) == before
+    assert tilt.update(now, before, CONFIG) == before
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():

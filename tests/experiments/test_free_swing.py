@@ -1,7 +1,7 @@
 import pytest
 
+from breastscan.robot.ur.ur5e import PERIOD
 from experiments.free_swing import swing
-from sim.arm.servo import PERIOD
 
 
 def test_a_free_arm_keeps_its_energy_for_ten_seconds():

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from breastscan.control.laws import LAWS
+from breastscan.control.laws import LAW_NAMES
 from experiments import force_cell, study_force
 from experiments.force_cell import Cell
 
@@ -20,7 +20,7 @@ def test_the_default_law_holds_five_newtons_on_the_twin(nominal):
     assert not nominal.ended
     assert nominal.inside
     assert nominal.rmse < 0.1
-    assert nominal.sensor_share < 1e-9
+    assert nominal.sensor_rms < 1e-9
     assert nominal.overshoot < 0.3
     assert nominal.settling < 0.6
     assert max(nominal.tangential) < 0.1e-3
@@ -54,5 +54,5 @@ def test_the_hypercube_visits_every_part_of_every_range():
 
 
 def test_every_law_and_every_sensor_is_compared():
-    assert set(study_force.LAWS) == set(LAWS)
+    assert set(study_force.LAW_NAMES) == set(LAW_NAMES)
     assert set(study_force.SENSORS) == {"ideal", "industrial", "ur5e_builtin"}

@@ -17,6 +17,7 @@ import pytest
 
 from breastscan.errors import RobotError
 from breastscan.robot.interface import Robot
+from breastscan.servo import Servo
 from sim.scene import HOME_Q
 
 SPEED, ACCELERATION = 0.5, 1.0
@@ -79,7 +80,8 @@ class RobotContract:
         R_FP = robot.X_FP[:3, :3]
         np.testing.assert_allclose(R_FP @ R_FP.T, np.eye(3), atol=1e-9)
         np.testing.assert_array_equal(robot.X_FP[3], [0.0, 0.0, 0.0, 1.0])
-        assert robot.period <= robot.servo_lag < 0.2
+        assert isinstance(robot.servo, Servo)
+        assert robot.period <= robot.servo.lag < 0.2
 
     def test_a_state_is_finite_and_stands_at_the_start(self, ready):
         state = ready.state()
@@ -119,7 +121,7 @@ class RobotContract:
             for s, at, aims in zip(ahead, q[steady].T, targets.T, strict=True)
         ]
         lags = np.mean(times[steady] - reached, axis=1)
-        np.testing.assert_allclose(lags, ready.servo_lag, atol=self.LAG_SLACK)
+        np.testing.assert_allclose(lags, ready.servo.lag, atol=self.LAG_SLACK)
 
     @pytest.mark.parametrize(
         "offset", [np.nan, np.inf, 10.0, 0.5], ids=["nan", "inf", "beyond the limits", "jump"]

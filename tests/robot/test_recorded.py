@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, RobotError
@@ -43,7 +43,7 @@ def recorded(robot, targets):
         q_approach=np.zeros(6),
         clearance=0.01,
     )
-    return execution.trajectory(log, nowhere, robot)
+    return scan_log.trajectory(log, nowhere, robot)
 
 
 @pytest.fixture(scope="module")
@@ -113,21 +113,21 @@ def scanned(scene, tmp_path_factory):
     robot = SimRobot(scene, tissue, motion.q_approach)
     log = execution.execute(robot, motion, FORCE, SafetyLimits())
     folder = tmp_path_factory.mktemp("run")
-    execution.trajectory(log, motion, robot).save(folder / "trajectory.parquet")
+    scan_log.trajectory(log, motion, robot).save(folder / "trajectory.parquet")
     return motion, folder
 
 
 def test_the_same_controller_runs_through_its_own_recording_to_a_micro_radian(scene, scanned):
     """Nothing that matters to it is missing in the log."""
     motion, folder = scanned
-    robot = RecordedRobot.load(folder, servo_lag=SimRobot(scene).servo_lag, tolerance=1e-6)
+    robot = RecordedRobot.load(folder, servo=SimRobot(scene).servo, tolerance=1e-6)
     execution.execute(robot, motion, FORCE, SafetyLimits(), log=[])
     assert robot.rows_left == 0
 
 
 def test_the_lag_is_fitted_to_a_tenth_of_a_millisecond(scene, scanned):
-    assert RecordedRobot.load(scanned[1]).servo_lag == pytest.approx(
-        SimRobot(scene).servo_lag, abs=1e-4
+    assert RecordedRobot.load(scanned[1]).servo.lag == pytest.approx(
+        SimRobot(scene).servo.lag, abs=1e-4
     )
 
 

@@ -6,10 +6,10 @@ import pytest
 from breastscan.errors import RobotError
 from breastscan.geometry import kinematics, se3
 from breastscan.robot.payload import Payload, identify
-from breastscan.robot.ur.ur5e import SPEED_LIMIT
+from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
 from sim.arm.deviations import ArmConfig
 from sim.robot import SimRobot
-from sim.scene import HOME_Q, PERIOD, Scene, SceneConfig
+from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.tissue.soft import SoftTissue
 from sim.wrist.probe import payload
 from sim.wrist.wrench_errors import WrenchSensorConfig
@@ -62,11 +62,11 @@ def test_follows_a_25_mm_per_s_circle_within_a_tenth_of_a_millimetre_one_servo_l
         planned_B.append(X[:3, 3])
         robot.servo_joint(q)
     tips_B = se3.transform(quiet_scene.X_BS, robot.truth_log().X_SP[1:, :3, 3])
-    late = round(robot.servo_lag / PERIOD)
+    late = round(robot.servo.lag / PERIOD)
     errors = np.linalg.norm(tips_B[late:] - np.array(planned_B[:-late]), axis=1)
     assert errors.max() < 0.1e-3
     trailing = np.linalg.norm(tips_B[-1] - planned_B[-1])
-    assert trailing == pytest.approx(speed * robot.servo_lag, abs=0.1e-3)
+    assert trailing == pytest.approx(speed * robot.servo.lag, abs=0.1e-3)
 
 
 def test_a_pressing_probe_feels_the_tissue_as_a_negative_force_along_its_axis(quiet_scene):

@@ -32,8 +32,8 @@ class Fault(IntEnum):
     DIED = 11
 
 
-PASSING = frozenset({Fault.NONE, Fault.LATE, Fault.SILENCE})
-"""Those that end by themselves, or turn out to be another one."""
+TRANSIENT = frozenset({Fault.NONE, Fault.LATE, Fault.SILENCE})
+"""Transient faults: they end by themselves, or turn out to be another one."""
 
 WORDS = {
     Fault.LATE: (

@@ -36,7 +36,7 @@ VERSION_REPLY = struct.Struct(">HB4I")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Controller:
+class ControllerIdentity:
     """Which controller answered."""
 
     host: str
@@ -49,7 +49,7 @@ class Controller:
     """Serial number; empty where it has no dashboard."""
 
 
-def examine(host: str) -> Controller:
+def examine(host: str) -> ControllerIdentity:
     """Ask a controller who it is, and refuse one that cannot be driven.
 
     Raises:
@@ -64,9 +64,9 @@ def examine(host: str) -> Controller:
             version,
         )
     if version[0] >= WITHOUT_DASHBOARD:
-        return Controller(host=host, version=version, model="", serial="")
+        return ControllerIdentity(host=host, version=version, model="", serial="")
     with _dashboard(host) as ask:
-        controller = Controller(
+        controller = ControllerIdentity(
             host=host,
             version=version,
             model=ask("get robot model"),

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
 
 KNOT_PERIOD = 0.04
 """Time between the trajectory's points in the program [s]: a loop has some 400, a program of 120
@@ -82,7 +82,7 @@ def urscript(
         knot_period=KNOT_PERIOD,
         steps=round(KNOT_PERIOD / PERIOD),
         servo_period=PERIOD,
-        lookahead_time=LOOKAHEAD_TIME,
+        lookahead_time=SERVO.lookahead_time,
         gain=GAIN,
         q_approach=_list(q_approach),
         q_first=_list(q[0]),

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from breastscan.robot.payload import Payload
-from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
 
-GAIN = 2000.0
-"""servoJ's gain: the highest."""
 STOP_DECELERATION = 2.0
 """Of servoStop, at the tip [m/s^2]."""
 READY_STATES = 4
@@ -107,10 +105,10 @@ class Link:
 
     def servo(self, q: np.ndarray) -> bool:
         """Send a joint target [rad]; False where the controller's program takes none."""
-        return self._control.servoJ(q.tolist(), 0.0, 0.0, PERIOD, LOOKAHEAD_TIME, GAIN)
+        return self._control.servoJ(q.tolist(), 0.0, 0.0, PERIOD, SERVO.lookahead_time, SERVO.gain)
 
-    def kick(self) -> bool:
-        """Keep the watchdog quiet without a command."""
+    def feed_watchdog(self) -> bool:
+        """Feed the watchdog without a command."""
         return self._control.kickWatchdog()
 
     def arm_watchdog(self, frequency: float) -> bool:

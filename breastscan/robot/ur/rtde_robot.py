@@ -26,12 +26,9 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults, targets
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
-from breastscan.robot.ur.ur5e import LOOKAHEAD_TIME, PERIOD
+from breastscan.robot.ur.ur5e import PERIOD, SERVO
 from breastscan.robot.ur.worker import TARGET, LinkLimits, WorkerSetup, serve
 
-TRANSPORT = 0.004
-"""What the link adds to servoj's own lag [s]: one period until the program reads a target, one
-until its effect is told."""
 ANSWER_TIME = 0.2
 """Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
 simulated controller as well, and a real one has stopped the arm by its watchdog long before."""
@@ -41,7 +38,7 @@ controller waits for it. Of a controller that is gone it tells sooner, and a rea
 stopped the arm."""
 START_PERIODS, START_TIME = 10, 0.2
 """Periods in which the controller's program begins to follow a parked arm's place, and wall time in
-which all states on their way arrive [s]: from there on each target answers the state it was made
+which all states on their way arrive [s]: from there on each target follows the state it was made
 of."""
 REQUEST_TIME = 5.0
 """Longest wait for what the worker asks of the controller besides targets [s]."""
@@ -85,9 +82,8 @@ class RtdeRobot:
 
     period = PERIOD
     """Control period [s]."""
-    servo_lag = TRANSPORT + LOOKAHEAD_TIME
-    """Time by which the samples trail the targets of `servo_joint` [s]: what transport and servoj's
-    law imply."""
+    servo = SERVO
+    """How the arm follows the targets of `servo_joint`."""
 
     def __init__(self, config: RtdeConfig) -> None:
         """Connect and take the arm over where it stands.
@@ -110,7 +106,7 @@ class RtdeRobot:
         Raises:
             RobotError: The link is down or the sample is stale.
         """
-        return self._as_robot_state(self._sound(self._shared.read()))
+        return self._as_robot_state(self._require_healthy(self._shared.read()))
 
     def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
         """Track `q` [rad] for one period, and return when the state after it is there.
@@ -121,7 +117,7 @@ class RtdeRobot:
         """
         targets.check_angles(q)
         targets.check_step(q, self._target, self.period)
-        self._sound(self._shared.read())
+        self._require_healthy(self._shared.read())
         self._number += 1
         self._driven = True
         try:
@@ -166,7 +162,7 @@ class RtdeRobot:
         self._zero_P = np.mean(wrenches, axis=0)
 
     def stop(self) -> None:
-        """Brake along the present course and stay there. Where no command is taken, the
+        """Brake along the commanded motion and stay there. Where no command is taken, the
         controller has stopped it.
         """
         with suppress(RobotError):
@@ -213,7 +209,7 @@ class RtdeRobot:
     def _connect(self) -> None:
         self._shared = SharedState(self._context)
         self._targets, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._requests, answers = self._context.Pipe()
+        self._requests, their_requests = self._context.Pipe()
         setup = WorkerSetup(
             host=self._config.host,
             tip_F=se3.pose_vector(self.X_FP).tolist(),
@@ -223,19 +219,19 @@ class RtdeRobot:
         )
         self._process = self._context.Process(
             target=serve,
-            args=(setup, self._shared, theirs, answers),
+            args=(setup, self._shared, theirs, their_requests),
             name="breastscan-rtde",
             daemon=True,
         )
         self._process.start()
         theirs.close()
-        answers.close()
+        their_requests.close()
         self._number = 0
-        self.speed_fraction = float(self._greeting())
+        self.speed_fraction = float(self._await_worker())
         """Where the speed slider stood on connecting, 0 to 1."""
         self._park()
 
-    def _greeting(self) -> float:
+    def _await_worker(self) -> float:
         """What a worker says once it is ready."""
         try:
             told = (
@@ -291,7 +287,7 @@ class RtdeRobot:
         except (EOFError, OSError):
             raise self._link_error() from None
         if not done:
-            self._sound(self._shared.read())
+            self._require_healthy(self._shared.read())
             raise RobotError(f"the controller refused {name!r}: read the pendant's log", name)
         return True
 
@@ -303,7 +299,7 @@ class RtdeRobot:
             RobotError: The fault has not passed.
         """
         fault = self._shared.read().fault
-        if fault is not Fault.NONE and fault in faults.PASSING:
+        if fault is not Fault.NONE and fault in faults.TRANSIENT:
             self._request("clear")
             self._stand_at(self._target)
 
@@ -332,7 +328,9 @@ class RtdeRobot:
         controller's clock [s].
         """
         began = self._shared.read().time
-        while (state := self._sound(self._shared.read())).answers < number or state.time <= after:
+        while (
+            state := self._require_healthy(self._shared.read())
+        ).acknowledged < number or state.time <= after:
             ready, _, _ = select.select([self._targets], [], [], HUNG_TIME)
             if not ready or state.time > began + ANSWER_TIME:
                 raise faults.error(Fault.SILENCE)
@@ -344,8 +342,12 @@ class RtdeRobot:
             if not woken:
                 raise self._link_error()
 
-    def _sound(self, state: ControllerState) -> ControllerState:
-        """The state, if commands are taken after it."""
+    def _require_healthy(self, state: ControllerState) -> ControllerState:
+        """The state, if commands are taken after it.
+
+        Raises:
+            RobotError: The controller reports a fault, or nothing was heard of it for too long.
+        """
         if state.fault is not Fault.NONE:
             raise faults.error(state.fault)
         if time.monotonic() - state.seen > HUNG_TIME:
@@ -357,7 +359,7 @@ class RtdeRobot:
     def _link_error(self) -> RobotError:
         """Why the worker is gone: what it said last, or that it died."""
         fault = self._shared.read().fault
-        return faults.error(Fault.DIED if fault in faults.PASSING else fault)
+        return faults.error(Fault.DIED if fault in faults.TRANSIENT else fault)
 
     def _as_robot_state(self, state: ControllerState) -> RobotState:
         R_PB = (self.calibration.forward(state.q)[:3, :3] @ self.X_FP[:3, :3]).T

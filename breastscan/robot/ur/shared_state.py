@@ -22,7 +22,7 @@ LAYOUT = np.dtype(
         ("qd", "f8", 6),
         ("force_B", "f8", 6),
         ("sample", "i8"),
-        ("answers", "i8"),
+        ("acknowledged", "i8"),
         ("fault", "i8"),
         ("failed", "f8"),
         ("seen", "f8"),
@@ -45,8 +45,8 @@ class ControllerState:
     """`actual_TCP_force`: on the probe, about its tip, in the axes of B, force first [N, N m]."""
     sample: int
     """Count of the sensor's samples."""
-    answers: int
-    """Number of the latest target that was sent before this state came."""
+    acknowledged: int
+    """Sequence number of the latest target that was sent before this state came."""
     fault: Fault
     """Why commands are no longer taken."""
     failed: float
@@ -92,7 +92,7 @@ class SharedState:
             copy["qd"].copy(),
             copy["force_B"].copy(),
             int(copy["sample"]),
-            int(copy["answers"]),
+            int(copy["acknowledged"]),
             Fault(int(copy["fault"])),
             float(copy["failed"]),
             float(copy["seen"]),

@@ -2,14 +2,18 @@
 
 import numpy as np
 
+from breastscan.servo import Servo
+
 PERIOD = 0.002
 """Of control and of the RTDE stream of an e-Series controller [s] [UR-rtde-guide]."""
 ANGLE_LIMIT = np.deg2rad(360.0)
 """Of every joint, either way [rad] [UR-limits]."""
 SPEED_LIMIT = np.deg2rad(180.0)
 """Of every joint [rad/s] [UR-limits]."""
-LOOKAHEAD_TIME = 0.03
-"""servoj's lookahead_time [s]: the shortest, so the least lag."""
+SERVO = Servo(lookahead_time=0.03, gain=2000.0, transport=0.004)
+"""servoj as it is called here: the shortest look-ahead time that the manual allows, so the least
+lag, and the highest gain [UR-script]; two periods of transport, one until the program reads a
+target and one until its effect is told [UR-lag]."""
 RTDE_PORT, DASHBOARD_PORT = 30004, 29999
 """Fixed by the controller [UR-rtde-guide]."""
 MODEL = "UR5"

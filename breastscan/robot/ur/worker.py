@@ -27,15 +27,15 @@ import numpy as np
 from breastscan.errors import ConfigError
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults
-from breastscan.robot.ur.faults import PASSING, Fault
+from breastscan.robot.ur.faults import TRANSIENT, Fault
 from breastscan.robot.ur.rtde import Link, Reading
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
 from breastscan.robot.ur.ur5e import PERIOD
 
 TARGET = struct.Struct("q6d")
-"""A message of the parent: the target's number, and the target [rad]."""
+"""A message of the parent: the target's sequence number, and the target [rad]."""
 POLL_TIME = 2e-4
-"""Between two looks at the library's state, which wakes nobody [s]."""
+"""Between two polls of the library's state, which wakes nobody [s]."""
 REPEAT_PERIODS = 2
 """Periods without a target beyond which the last is repeated: one less late is still to come."""
 GONE_TIME = 0.5
@@ -47,7 +47,7 @@ LATENESS = 0.02
 which a probe at 25 mm/s goes .5 mm."""
 STOP_MARGIN = 0.03
 """By how much later the controller stops by itself [s]: of .1 s, half is left to stop in."""
-MOST_SLACK = 10.0
+MAX_SLACK = 10.0
 """Widest that the limits may be: at .2 s the force is no longer controlled."""
 PRIORITY = 20
 """Real-time priority that is asked for."""
@@ -62,8 +62,8 @@ class LinkLimits:
     so many times 20 ms the arm may go on unguided, and the force be out of control."""
 
     def __post_init__(self) -> None:
-        if not 1.0 <= self.slack <= MOST_SLACK:
-            why = f"link.slack must lie in 1 .. {MOST_SLACK:g}, got {self.slack}"
+        if not 1.0 <= self.slack <= MAX_SLACK:
+            why = f"link.slack must lie in 1 .. {MAX_SLACK:g}, got {self.slack}"
             raise ConfigError(why, self.slack)
 
     @property
@@ -141,8 +141,8 @@ class Worker:
         self._targeted = self._sent = self._reading.time
         """When the parent last said something, and the latest package went out, on the controller's
         clock [s]."""
-        self._answered = 0
-        """Number of the latest target that was sent."""
+        self._acknowledged = 0
+        """Sequence number of the latest target that was sent."""
         self._seen = time.monotonic()
         """When the controller was last there, on the wall's clock [s]."""
         self._sample = 0
@@ -222,10 +222,10 @@ class Worker:
         """
         if self._fault not in (Fault.NONE, Fault.LATE):
             return
-        taken = self.link.kick() if self._target is None else self.link.servo(self._target)
+        taken = self.link.feed_watchdog() if self._target is None else self.link.servo(self._target)
         if taken:
             self._sent = self._reading.time
-            self._answered = self._number
+            self._acknowledged = self._number
             self._owes = False
             self._note_seen()
         else:
@@ -242,7 +242,7 @@ class Worker:
         if self._idle * PERIOD > self._limits.lateness and self._moving:
             self._fail(Fault.LATE)
         self._publish()
-        if self._number > self._answered or self._idle > REPEAT_PERIODS:
+        if self._number > self._acknowledged or self._idle > REPEAT_PERIODS:
             self._command()
 
     def _note_seen(self) -> None:
@@ -257,7 +257,7 @@ class Worker:
 
     def _fail(self, fault: Fault) -> None:
         """Note a fault; one that does not pass by itself stays the reason."""
-        if fault is not Fault.NONE and fault is not self._fault and self._fault in PASSING:
+        if fault is not Fault.NONE and fault is not self._fault and self._fault in TRANSIENT:
             self._fault = fault
             self._failed = self._reading.time
             self._moving = False
@@ -272,7 +272,7 @@ class Worker:
                 qd=np.array(reading.qd),
                 force_B=np.array(reading.force_B),
                 sample=self._sample,
-                answers=self._answered,
+                acknowledged=self._acknowledged,
                 fault=self._fault,
                 failed=self._failed if self._fault is not Fault.NONE else reading.time,
                 seen=self._seen,
@@ -285,7 +285,7 @@ class Worker:
 
     def clear(self) -> bool:
         """Take commands again after a fault that passed; False where it did not."""
-        if self._fault in PASSING and not self._gone:
+        if self._fault in TRANSIENT and not self._gone:
             self._fault, self._moving = Fault.NONE, False
             self._publish()
         return self._fault is Fault.NONE

@@ -13,7 +13,7 @@ from sim.controller.urscript.syntax import Expression, Routine, parse
 from sim.controller.urscript.values import ScriptError, with_element
 from sim.controller.urscript.world import World, assigned, statements
 
-MOST_VARIABLES = 1000
+MAX_VARIABLES = 1000
 """Of a routine, and of all routines together the global ones."""
 
 
@@ -59,9 +59,9 @@ def compile_program(
         ):
             shared.setdefault(name, len(shared))
         yield
-    if len(shared) > MOST_VARIABLES:
+    if len(shared) > MAX_VARIABLES:
         raise ScriptError(
-            f"a program has {MOST_VARIABLES} global variables at most", None, program.line
+            f"a program has {MAX_VARIABLES} global variables at most", None, program.line
         )
     world = World(functions, routines, shared, [UNSET] * len(shared))
     codes = world.codes
@@ -98,8 +98,8 @@ class _Statements:
 
     def write(self) -> Generator[None, None, None]:
         """Write the code."""
-        if len(self._locals) > MOST_VARIABLES:
-            raise self._writer.error(f"a routine has {MOST_VARIABLES} variables at most")
+        if len(self._locals) > MAX_VARIABLES:
+            raise self._writer.error(f"a routine has {MAX_VARIABLES} variables at most")
         yield from self._block(self._routine.body)
         self._writer.emit(lambda slots, thread: thread.leave(None))
 

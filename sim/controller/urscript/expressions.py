@@ -235,7 +235,7 @@ class Expressions:
 
         def take_long(slots: Slots, thread: Thread) -> int:
             slots[at] = compute(*[argument(slots) for argument in arguments])
-            return thread.look(following)
+            return thread.peek(following)
 
         self._writer.emit(wait if function.waits else take_long)
         return lambda slots: slots[at]

@@ -20,18 +20,18 @@ SLICE = 0.01
 well [s]: fifty times what a client's program takes, so that it never depends on the machine when
 one ends."""
 BETWEEN_LOOKS = 10
-"""Steps between two looks at that time, if none is costly."""
+"""Steps between two checks of that time, if none is costly."""
 DEEPEST_CALL = 100
 """Functions that call each other."""
-MOST_THREADS = 50
+MAX_THREADS = 50
 """Of a program in a period, those that end in it included."""
-MOST_SLOTS = 10_000
+MAX_SLOTS = 10_000
 """Variables of all routines that have begun and not ended."""
 MOVED = -1
 WAITING = -2
 LOOK = -3
 """In place of the next step: the thread is in another routine now; it waits for the next period;
-what it did was costly, so that the clock is looked at before the next step."""
+what it did was costly, so that the clock is checked before the next step."""
 UNSET = object()
 """What a variable holds before it has a value."""
 
@@ -124,8 +124,8 @@ class Program:
         Raises:
             ScriptError: There are too many.
         """
-        if len(self._threads) >= MOST_THREADS:
-            raise ScriptError(f"a program has {MOST_THREADS} threads at most")
+        if len(self._threads) >= MAX_THREADS:
+            raise ScriptError(f"a program has {MAX_THREADS} threads at most")
         self.grow(len(slots))
         thread = Thread(self, code, slots)
         self._threads.append(thread)
@@ -138,8 +138,8 @@ class Program:
             ScriptError: There are too many.
         """
         self._slots += slots
-        if self._slots > MOST_SLOTS:
-            raise ScriptError(f"a program has {MOST_SLOTS} variables at once at most")
+        if self._slots > MAX_SLOTS:
+            raise ScriptError(f"a program has {MAX_SLOTS} variables at once at most")
 
 
 class Thread:
@@ -227,7 +227,7 @@ class Thread:
         self._result = result
         return WAITING
 
-    def look(self, back: int) -> int:
+    def peek(self, back: int) -> int:
         """Look at the clock, then go on at the step `back`."""
         self._at = back
         return LOOK
@@ -282,13 +282,13 @@ class Thread:
                 self._slots[self._result] = done.value
         return self.alive
 
-    def _go(self, most: int) -> int:
+    def _go(self, max_steps: int) -> int:
         """So many steps at most, up to a wait. How many were taken."""
         steps = self._code.steps
         slots = self._slots
         at = self._at
         try:
-            for taken in range(1, most + 1):
+            for taken in range(1, max_steps + 1):
                 following = steps[at](slots, self)
                 if following >= 0:
                     at = following
@@ -299,6 +299,6 @@ class Thread:
                 else:
                     at = self._at if following == LOOK else at
                     return taken
-            return most
+            return max_steps
         finally:
             self._at = at  # of the step that failed, where one did

@@ -57,7 +57,7 @@ class Function:
     """Whether it takes simulated time: `call` makes a generator then, which waits for a period at
     each `yield`."""
     costly: bool = False
-    """Whether it takes more than some microseconds of the processor: the clock is looked at after
+    """Whether it takes more than some microseconds of the processor: the clock is checked after
     it."""
 
     @property
@@ -120,13 +120,13 @@ def _place(value: Value) -> Any:
     return POSE.take(value) if isinstance(value, Pose) else JOINTS.take(value)
 
 
-def whole(least: int, most: int) -> Kind:
+def whole(low: int, high: int) -> Kind:
     """An integer within bounds."""
 
     def take(value: Value) -> Any:
-        return value if value.__class__ is int and least <= value <= most else REFUSED
+        return value if value.__class__ is int and low <= value <= high else REFUSED
 
-    return Kind(f"an integer from {least} to {most}", take)
+    return Kind(f"an integer from {low} to {high}", take)
 
 
 def choice(*words: str) -> Kind:

@@ -12,7 +12,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, RobotError
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
-from sim.controller.faults import TwinControl
+from sim.controller.fault_injection import TwinControl
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
 from sim.truth import Truth

@@ -13,14 +13,14 @@ import time
 import numpy as np
 import pytest
 
-from breastscan import execution
+from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.phases import Phase, PhaseConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
-from sim.controller.faults import TwinControl
+from sim.controller.fault_injection import TwinControl
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
@@ -149,7 +149,7 @@ class Trap:
         return getattr(self._robot, name)
 
     def servo_joint(self, q):
-        if self.sprung is None and execution.last_row(self._log) > ON_THE_LOOP:
+        if self.sprung is None and scan_log.last_row(self._log) > ON_THE_LOOP:
             self.sprung = self._now
             self._spring()
         try:
@@ -226,16 +226,16 @@ def test_a_fault_in_contact_is_told_at_once_the_arm_rests_and_the_scan_resumes_w
     assert caught.value.value is fault or caught.value.value.value is fault
     assert trap.raised - trap.sprung < within
     assert log[-1].time > log[0].time
-    assert execution.last_row(log) > ON_THE_LOOP
+    assert scan_log.last_row(log) > ON_THE_LOOP
     pass_time(twin, PASSES_AFTER.get(fault, 0.3))
     status = twin.do("status")
     assert np.abs(status["qd"]).max() < STOPPED
     assert status["highest_force"] < HIGHEST_FORCE
 
     recover(twin, connected)
-    rest = execution.execute(connected, motion, CONFIG, LIMITS, start=execution.last_row(log))
+    rest = execution.execute(connected, motion, CONFIG, LIMITS, start=scan_log.last_row(log))
     rows = [entry.row for entry in rest if entry.phase is Phase.LOOP]
-    assert abs(rows[0] - execution.last_row(log)) < 5
+    assert abs(rows[0] - scan_log.last_row(log)) < 5
     assert rows[-1] > len(motion.q) - 5
     assert twin.do("status")["highest_force"] < HIGHEST_FORCE
 

@@ -18,7 +18,7 @@ def test_what_was_written_is_read():
     shared = SharedState(multiprocessing.get_context("spawn"))
     shared.write(state(7))
     read = shared.read()
-    assert (read.time, read.sample, read.answers, read.fault) == (7.0, 7, 7, Fault(7))
+    assert (read.time, read.sample, read.acknowledged, read.fault) == (7.0, 7, 7, Fault(7))
     np.testing.assert_array_equal(read.q, np.full(6, 7.0))
 
 
@@ -41,7 +41,7 @@ def test_a_reader_never_sees_two_states_mixed():
             *read.qd,
             *read.force_B,
             float(read.sample),
-            float(read.answers),
+            float(read.acknowledged),
             read.seen,
         }
         assert len(values) == 1

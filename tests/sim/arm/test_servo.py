@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from breastscan.errors import ConfigError
-from sim.arm.servo import PERIOD, ServoConfig, ServoJ
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.arm.servo import ServoConfig, ServoJ
 
 SETTINGS = [(0.03, 2000.0), (0.03, 300.0), (0.1, 300.0), (0.2, 2000.0), (0.1, 100.0)]
 
@@ -26,11 +27,11 @@ def test_a_ramp_is_followed_late_by_transport_and_lookahead_whatever_the_gain(lo
     ramp = speed * PERIOD * np.arange(2000)
     lag = (ramp - followed(config, ramp))[-1] / speed
     assert lag == pytest.approx(0.004 + lookahead, abs=1e-4)
-    assert lag == pytest.approx(config.nominal_lag, abs=1e-4)
+    assert lag == pytest.approx(config.servo.lag, abs=1e-4)
 
 
 def test_the_fastest_setting_lags_34_ms():
-    assert ServoConfig().nominal_lag == pytest.approx(0.034)
+    assert ServoConfig().servo.lag == pytest.approx(0.034)
 
 
 @pytest.mark.parametrize(("lookahead", "gain"), SETTINGS)
@@ -78,7 +79,7 @@ def test_without_lag_a_target_is_reached_one_period_later():
     targets = np.cumsum(np.random.default_rng(0).normal(size=50))
     places = followed(ServoConfig(lag=False), targets)
     np.testing.assert_allclose(places[1:], targets[:-1], atol=1e-12)
-    assert ServoConfig(lag=False).nominal_lag == PERIOD
+    assert ServoConfig(lag=False).servo.lag == PERIOD
 
 
 def test_a_motion_of_the_controllers_own_ends_where_it_says_and_drops_the_targets_on_their_way():

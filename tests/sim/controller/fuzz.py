@@ -17,7 +17,7 @@ from pathlib import Path
 
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
-from sim.controller.faults import CONTROL_PORT, TwinControl
+from sim.controller.fault_injection import CONTROL_PORT, TwinControl
 from sim.controller.functions import script_functions
 from sim.controller.urscript.signature import REQUIRED
 from sim.controller.variables import INPUTS, OUTPUTS

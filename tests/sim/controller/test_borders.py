@@ -19,9 +19,9 @@ from breastscan.errors import RobotError
 from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
 from sim.controller import clients
 from sim.controller.clients import LONGEST_LINE, NOT_READING, Client
-from sim.controller.faults import CONTROL_PORT, TwinControl
+from sim.controller.fault_injection import CONTROL_PORT, TwinControl
 from sim.controller.primary import HEAD
-from sim.controller.server import MOST_CLIENTS, SCRIPT_PORTS
+from sim.controller.server import MAX_CLIENTS, SCRIPT_PORTS
 from tests.sim.controller.fuzz import fuzz
 from tests.sim.controller.served import address, served
 from tests.sim.controller.wire import Wire
@@ -335,7 +335,7 @@ def is_full():
 
 
 def test_there_is_room_for_so_many_and_no_more(twin):
-    wires = [Wire(HOST) for _ in range(MOST_CLIENTS)]
+    wires = [Wire(HOST) for _ in range(MAX_CLIENTS)]
     with socket.create_connection((HOST, RTDE_PORT), 10) as sock:
         assert wait_for(lambda: is_closed(sock))
     assert wires[0].ask(b"v")

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, SPEED_LIMIT
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import FASTEST, Controller
 from sim.controller.functions import script_functions
@@ -33,7 +32,7 @@ def run(controller, body, seconds):
     fastest = 0.0
     for _ in range(round(seconds / PERIOD)):
         controller.cycle()
-        fastest = max(fastest, float(np.abs(controller.robot.course[1]).max()))
+        fastest = max(fastest, float(np.abs(controller.robot.commanded[1]).max()))
     assert not controller.program_error
     return fastest
 
@@ -59,7 +58,7 @@ end
 def test_a_servo_that_is_pumped_up_is_stopped_before_it_is_much_too_fast(controller):
     assert SPEED_LIMIT < run(controller, PUMP, 5.0) < 1.2 * FASTEST
     assert controller.safety is Safety.PROTECTIVE_STOP
-    assert np.abs(controller.robot.course[1]).max() == 0
+    assert np.abs(controller.robot.commanded[1]).max() == 0
 
 
 def test_nothing_moves_the_arm_during_a_protective_stop(controller):
@@ -70,21 +69,21 @@ def test_nothing_moves_the_arm_during_a_protective_stop(controller):
     run(controller, body + "protective_stop()\nspeedj([0, 0, 0, 0, 0, 0.5], 2, 1)", 0.3)
     assert controller.safety is Safety.PROTECTIVE_STOP
     assert controller.runtime is Runtime.PAUSED
-    before = controller.robot.course[0].copy()
+    before = controller.robot.commanded[0].copy()
     run(controller, "say_nothing = 1", 1.0)
-    assert np.abs(controller.robot.course[0] - before).max() < 1e-12
+    assert np.abs(controller.robot.commanded[0] - before).max() < 1e-12
 
 
 def test_a_joint_is_stopped_at_the_end_of_its_range_and_may_come_back(controller):
     run(controller, "speedj([0, 0, 0, 0, 0, 2], 10, 10)", 6.0)
     assert controller.safety is Safety.PROTECTIVE_STOP
-    assert np.abs(controller.robot.course[0]).max() < ANGLE_LIMIT + 0.1
+    assert np.abs(controller.robot.commanded[0]).max() < ANGLE_LIMIT + 0.1
     for _ in range(round(5.0 / PERIOD)):
         controller.cycle()
     assert controller.unlock()
     run(controller, "speedj([0, 0, 0, 0, 0, -1], 10, 10)", 2.0)
     assert controller.safety is Safety.NORMAL
-    assert np.abs(controller.robot.course[0]).max() < ANGLE_LIMIT
+    assert np.abs(controller.robot.commanded[0]).max() < ANGLE_LIMIT
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from breastscan.errors import ConfigError, RobotError
 from sim.controller.config import ControllerConfig
-from sim.controller.faults import TwinControl
+from sim.controller.fault_injection import TwinControl
 from sim.controller.variables import OUTPUTS, Recipe
 from tests.sim.controller.served import address, client, served
 from tests.sim.controller.wire import Wire
@@ -129,7 +129,7 @@ CLIENT = """
 import json, sys, time
 import numpy as np
 import rtde_control, rtde_receive
-from sim.controller.faults import TwinControl
+from sim.controller.fault_injection import TwinControl
 
 host = sys.argv[1]
 control = rtde_control.RTDEControlInterface(host, 500.0)

@@ -21,11 +21,11 @@ class Viewer:
         self.count = 0
         self.open = True
         self.sent = []
-        self.wishes = None
+        self.commands = None
         self.data = None
 
     def launch(self, config, plugins):
-        self.wishes = plugins[1]
+        self.commands = plugins[1]
         return self
 
     def set_model(self, model, data):
@@ -39,11 +39,11 @@ class Viewer:
 
     def sync(self, model, data):
         self.count += 1
-        wish = self.script.get(self.count)
-        if wish == "close":
+        command = self.script.get(self.count)
+        if command == "close":
             self.open = False
-        elif wish is not None:
-            self.wishes.on_pace(wish)
+        elif command is not None:
+            self.commands.on_pace(command)
 
     def close(self):
         self.open = False
@@ -95,7 +95,7 @@ def test_the_viewer_sees_arm_skin_cameras_path_and_what_the_probe_feels(quiet_sc
         live.stage("execution", 0.5)
         hold(robot, 100)
         scan = stand_in.latest(ScanSnapshot)
-        assert (scan.stage, scan.share) == ("execution", 0.5)
+        assert (scan.stage, scan.fraction) == ("execution", 0.5)
         assert scan.time[-1] == pytest.approx(robot.state().time, abs=0.1)
         assert scan.force[-1] == pytest.approx(-robot.state().wrench_P[2], abs=0.05)
         assert len(scan.force) == len(scan.depth_mm) == len(scan.time) > 3

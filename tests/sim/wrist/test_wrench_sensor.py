@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from breastscan.errors import ConfigError
 from breastscan.robot.payload import Payload
-from sim.arm.servo import PERIOD
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.wrist.probe import SENSOR_HEIGHT, payload, tip_pose
 from sim.wrist.wrench_errors import WRENCH_CLASSES, WrenchSensorConfig
 from sim.wrist.wrench_sensor import GRAVITY_W, WrenchSensor, low_pass_pole

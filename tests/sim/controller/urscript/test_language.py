@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from sim.controller.urscript.compiler import MOST_VARIABLES, load
-from sim.controller.urscript.program import DEEPEST_CALL, MOST_SLOTS, MOST_THREADS, SLICE, Program
+from sim.controller.urscript.compiler import MAX_VARIABLES, load
+from sim.controller.urscript.program import DEEPEST_CALL, MAX_SLOTS, MAX_THREADS, SLICE, Program
 from sim.controller.urscript.signature import (
     ANYTHING,
     JOINTS,
@@ -309,9 +309,9 @@ def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
             f"deeper than {DEEPEST}",
         ),
         (
-            "def main():\n" + "".join(f"a{k} = 1\n" for k in range(MOST_VARIABLES + 1)) + "end",
+            "def main():\n" + "".join(f"a{k} = 1\n" for k in range(MAX_VARIABLES + 1)) + "end",
             1,
-            f"{MOST_VARIABLES} global variables",
+            f"{MAX_VARIABLES} global variables",
         ),
         ('def main():\n x = "' + "a" * (LONGEST_STRING + 1) + '"\nend', 2, "characters at most"),
     ],
@@ -345,13 +345,13 @@ def test_what_is_no_program_is_refused_with_line_and_reason(source, line, why):
         ("join 3", "takes a thread"),
         ("def f():\nsay(a)\nlocal a = 1\nend\nf()", "before it has a value"),
         ("def f(x):\nreturn f(x + 1)\nend\nf(1)", f"{DEEPEST_CALL} deep"),
-        (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MOST_THREADS}:\nx = run "
+        (f"thread t():\nwhile True:\nsync()\nend\nend\ni = 0\nwhile i < {MAX_THREADS}:\nx = run "
          "t()\ni = i + 1\nend",
-         f"{MOST_THREADS} threads"),
+         f"{MAX_THREADS} threads"),
         ('x = "' + "a" * 1000 + '"\ny = [' + "x, " * 20 + "x]", f"{LONGEST_LIST} elements"),
         (
             "def f(x):\n" + "".join(f"local a{k} = 1\n" for k in range(200)) + "f(x)\nend\nf(1)",
-            f"{MOST_SLOTS} variables",
+            f"{MAX_SLOTS} variables",
         ),
         ("joints([1, 2, 3, 4, 5, 1e308 * 10])", "six numbers"),
         ("add(1e308 * 10)", "a is a number"),

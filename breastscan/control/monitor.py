@@ -1,13 +1,16 @@
-"""The supervisor's look at each measurement: is it sane, and inside the limits of `control.safety`?
+"""The supervisor's check of each measurement: is it plausible, and inside the limits of
+`control.safety`?
 
-Pure functions of (observation, watch) -> (fault, watch).
+Pure functions of (observation, memory) -> (fault, memory).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError, RobotError, SafetyError
+
+MM_PER_M = 1e3
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Observation:
     wrench_P: tuple[float, ...]
     """Of the tissue on the probe, force first [N, N m]."""
     set_point: float
-    """Pressing force that is wanted at most [N]."""
+    """Set-point of the pressing force [N]."""
     depth: float
     """Of the tip along its axis, as commanded [m]."""
     period: float
@@ -29,7 +32,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Watch:
+class MonitorMemory:
     """What the supervisor remembers of the measurements."""
 
     time: float
@@ -44,46 +47,43 @@ class Watch:
     """Robot's clock when the wrench last changed [s]."""
     changed_at: float
     """Depth of the tip then [m]."""
+    depth: float
+    """Depth of the tip at the last state [m]."""
 
     @staticmethod
-    def beginning(now: Observation) -> "Watch":
+    def beginning(now: Observation) -> "MonitorMemory":
         """With the first observation."""
-        return Watch(now.time, 0, now.sample, now.time, now.wrench_P, now.time, now.depth)
+        return MonitorMemory(
+            now.time, 0, now.sample, now.time, now.wrench_P, now.time, now.depth, now.depth
+        )
 
 
-def look(
-    now: Observation, watch: Watch, limits: SafetyLimits
-) -> tuple[BreastScanError | None, Watch]:
-    """Judge one state.
+def check(
+    now: Observation, before: MonitorMemory, limits: SafetyLimits
+) -> tuple[BreastScanError | None, MonitorMemory]:
+    """Check one state.
 
     Returns:
-        Why the scan must end, or None; and the watch after it.
+        Why the scan must end, or None; and the memory after it.
     """
-    if now.time <= watch.time:
-        silent = watch.silent + 1
-        held = Watch(
-            watch.time,
-            silent,
-            watch.sample,
-            watch.sampled,
-            watch.wrench_P,
-            watch.changed,
-            watch.changed_at,
-        )
+    if now.time <= before.time:
+        silent = before.silent + 1
+        held = replace(before, silent=silent)
         return _silence(silent * now.period, limits), held
-    fresh = now.sample != watch.sample
-    moved = now.wrench_P != watch.wrench_P
-    after = Watch(
+    fresh = now.sample != before.sample
+    moved = now.wrench_P != before.wrench_P
+    after = MonitorMemory(
         now.time,
         0,
         now.sample,
-        now.time if fresh else watch.sampled,
+        now.time if fresh else before.sampled,
         now.wrench_P,
-        now.time if moved else watch.changed,
-        now.depth if moved else watch.changed_at,
+        now.time if moved else before.changed,
+        now.depth if moved else before.changed_at,
+        now.depth,
     )
-    late = now.time - watch.time - now.period
-    return _lateness(late, limits) or _wrench(now, watch, limits) or _standing(
+    late = now.time - before.time - now.period
+    return _lateness(late, limits) or _wrench(now, before, limits) or _standing(
         now, after, limits
     ), after
 
@@ -108,8 +108,10 @@ def _lateness(late: float, limits: SafetyLimits) -> BreastScanError | None:
     )
 
 
-def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanError | None:
-    """Judge a wrench by itself and by the one before it."""
+def _wrench(
+    now: Observation, before: MonitorMemory, limits: SafetyLimits
+) -> BreastScanError | None:
+    """Check a wrench by itself and against the one before it."""
     fx, fy, fz, tx, ty, tz = now.wrench_P
     force, torque = math.sqrt(fx * fx + fy * fy + fz * fz), math.sqrt(tx * tx + ty * ty + tz * tz)
     if not (math.isfinite(force) and math.isfinite(torque)):
@@ -123,12 +125,8 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
             "N: is it overloaded or unplugged?",
             now.wrench_P,
         )
-    if abs(fz - watch.wrench_P[2]) > limits.force_step:
-        return SafetyError(
-            f"the measured force jumped from {-watch.wrench_P[2]:.1f} to {-fz:.1f} N between two "
-            "samples, no contact does that: check the sensor and its cable",
-            now.wrench_P,
-        )
+    if abs(fz - before.wrench_P[2]) > limits.force_step:
+        return SafetyError(_jump(now, before, limits), now.wrench_P)
     highest = min(limits.force, now.set_point + limits.force_margin)
     if force > limits.force or -fz > highest:
         return SafetyError(
@@ -149,19 +147,36 @@ def _wrench(now: Observation, watch: Watch, limits: SafetyLimits) -> BreastScanE
     return None
 
 
-def _standing(now: Observation, after: Watch, limits: SafetyLimits) -> BreastScanError | None:
-    """Judge whether the sensor still measures."""
+def _jump(now: Observation, before: MonitorMemory, limits: SafetyLimits) -> str:
+    """What a jump of the force tells: on its way down, a probe may have met something hard."""
+    was, force, advance = -before.wrench_P[2], -now.wrench_P[2], now.depth - before.depth
+    jumped = f"the measured force jumped from {was:.1f} to {force:.1f} N between two samples"
+    if force < was or was > limits.force_step or advance <= 0.0:
+        return f"{jumped}, no contact does that: check the sensor and its cable"
+    stiffness = (force - was) / advance / MM_PER_M
+    return (
+        f"{jumped}, in which the probe came down by {advance * MM_PER_M:.2f} mm: what it met is as "
+        f"stiff as {stiffness:.0f} N/mm, where tissue has about 1 and a rigid print 20. Look what "
+        "lies there, and approach it more slowly (contact.phases.approach_speed); if nothing "
+        "does, check the sensor and its cable"
+    )
+
+
+def _standing(
+    now: Observation, after: MonitorMemory, limits: SafetyLimits
+) -> BreastScanError | None:
+    """Check whether the sensor still measures."""
     still = now.time - after.sampled
     if still > limits.frozen_time:
         return SafetyError(
             f"the force sensor has sent no new sample for {still * 1e3:.0f} ms: check its cable",
             still,
         )
-    same, way = now.time - after.changed, abs(now.depth - after.changed_at)
-    if same > limits.stuck_time and way > limits.stuck_way:
+    same, distance = now.time - after.changed, abs(now.depth - after.changed_at)
+    if same > limits.stuck_time and distance > limits.stuck_distance:
         return SafetyError(
             f"the force sensor repeats the same wrench since {same * 1e3:.0f} ms, while the probe "
-            f"moved by {way * 1e3:.1f} mm: it is frozen",
+            f"moved by {distance * 1e3:.1f} mm: it is frozen",
             now.wrench_P,
         )
     return None

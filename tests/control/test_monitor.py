@@ -1,13 +1,13 @@
-"""What the supervisor says to the measurements."""
+"""The supervisor's check of the measurements."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from breastscan.control import watch
+from breastscan.control import monitor
+from breastscan.control.monitor import MonitorMemory, Observation
 from breastscan.control.safety import SafetyLimits
-from breastscan.control.watch import Observation, Watch
 
 LIMITS, PERIOD = SafetyLimits(), 0.002
 
@@ -26,9 +26,9 @@ def observation(k=0, wrench_P=None, depth=0.0, **changed):
 def first_fault(observations):
     """Time of the first fault after the beginning [s], and its words."""
     observations = list(observations)
-    state = Watch.beginning(observations[0])
+    state = MonitorMemory.beginning(observations[0])
     for k, now in enumerate(observations[1:], start=1):
-        fault, state = watch.look(now, state, LIMITS)
+        fault, state = monitor.check(now, state, LIMITS)
         if fault is not None:
             return k * PERIOD, str(fault)
     return None, ""
@@ -57,18 +57,32 @@ def test_a_bad_wrench_is_told_at_once(bad, why):
     assert why in words
 
 
+def test_a_jump_on_the_way_down_is_told_as_something_hard_with_its_stiffness():
+    """15 mm/s are .03 mm in a period: 6.2 N over them are 207 N/mm."""
+    before = observation(0, wrench(fz=0.0), depth=0.0)
+    for depth, force, why in (
+        (30e-6, 6.2, "as stiff as 207 N/mm, where tissue has about 1"),
+        (0.0, 6.2, "no contact does that"),
+        (-30e-6, 6.2, "no contact does that"),
+        (30e-6, -6.2, "no contact does that"),
+    ):
+        now = observation(1, wrench(fz=-force), depth=depth)
+        assert why in first_fault([before, now])[1]
+
+
 def test_a_sensor_that_pulls_is_told():
     slowly = [observation(k, wrench(fz=0.1 * k)) for k in range(60)]
     assert "draws the probe in with 5.1 N" in first_fault(slowly)[1]
 
 
 def test_the_limit_rises_with_the_set_point_but_never_above_the_absolute_one():
-    state = Watch.beginning(observation(0, wrench(fz=-12.0)))
+    state = MonitorMemory.beginning(observation(0, wrench(fz=-12.0)))
     for set_point, passes in ((5.0, False), (8.0, True), (14.0, True)):
         now = observation(1, wrench(fz=-12.5), set_point=set_point)
-        assert (watch.look(now, state, LIMITS)[0] is None) == passes
+        assert (monitor.check(now, state, LIMITS)[0] is None) == passes
     assert (
-        watch.look(observation(1, wrench(fz=-15.1), set_point=14.0), state, LIMITS)[0] is not None
+        monitor.check(observation(1, wrench(fz=-15.1), set_point=14.0), state, LIMITS)[0]
+        is not None
     )
 
 

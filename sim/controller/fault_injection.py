@@ -1,4 +1,4 @@
-"""What can go wrong, at the touch of a key: the control port of the twin, and its client.
+"""Fault injection: the control port of the twin, and its client.
 
 One JSON object a line each way. It is no part of a controller's protocol.
 """
@@ -22,7 +22,7 @@ ANSWER_TIME = 5.0
 """Longest wait for an answer [s]."""
 
 
-class Faults:
+class FaultInjector:
     """Injects faults, and keeps the books."""
 
     def __init__(
