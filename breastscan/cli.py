@@ -9,7 +9,7 @@ from rich.console import Console
 from breastscan.checks import require_known
 from breastscan.commands.console import twin_imports
 from breastscan.errors import BreastScanError
-from breastscan.run.versions import version_of
+from breastscan.run.provenance import version_of
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 
 from breastscan.geometry import se3
 from breastscan.run import writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 from breastscan.scan import ScanConfig, Stages, perceive
 from experiments import bench_camera, camera_projection
 from sim import error_analysis
@@ -69,9 +69,7 @@ def run(out: Path, *, seed: int) -> dict[str, float]:
         (staging / "study.md").write_text(
             "\n".join(["| what | value |", "|---|---|", *rows]) + "\n", encoding="utf-8"
         )
-        writing.write_json(
-            staging / "study.json", {"seed": seed, "values": values, "versions": versions()}
-        )
+        writing.write_json(staging / "study.json", {"seed": seed, "values": values, **provenance()})
     return values
 
 

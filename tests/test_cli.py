@@ -12,7 +12,7 @@ from breastscan import cli
 from breastscan.commands import doctor
 from breastscan.commands.console import twin_imports
 from breastscan.errors import PlanningError
-from breastscan.run import versions as run_versions
+from breastscan.run import provenance
 
 FILE_COMMANDS = ("reconstruct", "calibrate", "handeye", "plan", "compare", "doctor")
 
@@ -123,10 +123,10 @@ def test_the_version_of_a_tree_that_is_not_installed_is_told_too(capsys, monkeyp
     def absent(package):
         raise PackageNotFoundError(package)
 
-    monkeypatch.setattr(run_versions, "version", absent)
+    monkeypatch.setattr(provenance, "version", absent)
     cli.main(["--version"])
     assert capsys.readouterr().out.strip() == "breastscan not installed"
-    assert set(run_versions.versions().values()) == {platform.python_version(), "not installed"}
+    assert set(provenance.versions().values()) == {platform.python_version(), "not installed"}
 
 
 def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):

@@ -117,11 +117,12 @@ def test_true_and_measured_force_agree_within_the_sensors_gain_and_noise(traject
     assert error.std() < 0.08
 
 
-def test_the_settings_of_a_run_are_written_with_versions_and_seed(folder):
+def test_the_settings_of_a_run_are_written_with_its_seed_and_where_it_came_from(folder):
     config = json.loads((folder / "config.json").read_text())
     assert config["seed"] == 0
     assert config["scan"]["contact"]["force"] == 5.0
     assert "mujoco" in config["versions"]
+    assert {"date", "command", "commit"} <= set(config)
 
 
 def test_the_twin_keeps_the_protocols():
