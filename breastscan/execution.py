@@ -30,7 +30,7 @@ from breastscan.geometry import se3
 from breastscan.interruptions import deferred_interrupt, no_garbage_collection
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
-from breastscan.run.columns import Sample, Trajectory
+from breastscan.run.trajectory import Sample, Trajectory
 
 TRANSFER_SPEED = 0.6
 """Top joint speed of the free motions to and from the breast [rad/s]."""

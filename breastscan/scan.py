@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -30,8 +31,14 @@ from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.interface import Robot
-from breastscan.run.columns import LOG_FILE, Sample, Trajectory
-from breastscan.run.writing import disparity_picture, write_cloud, write_image, write_path
+from breastscan.run.trajectory import LOG_FILE, Sample, Trajectory
+from breastscan.run.writing import (
+    disparity_picture,
+    write_cloud,
+    write_image,
+    write_path,
+    write_settings,
+)
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching import pair_check
@@ -115,15 +122,18 @@ class ScanResult:
     wall_s: dict[str, float]
     """Wall time of each stage [s]."""
 
-    def save(self, folder: Path) -> None:
-        """Write what was seen, planned and done, and where, into a run folder."""
+    def save(self, folder: Path, settings: dict[str, Any]) -> None:
+        """Write what was seen, planned and done, where, and with which settings (`seed` among
+        them where something is drawn), into a run folder.
+        """
+        write_settings(folder, settings)
         self.cell.save(folder / "cell.json")
         write_image(folder / "left.png", self.images.left)
         write_image(folder / "right.png", self.images.right)
         write_image(folder / "disparity.png", disparity_picture(self.reconstruction.disparity))
         write_cloud(folder / "cloud.ply", self.plan.points_B, self.plan.normals_B)
         write_path(folder / "path.csv", self.plan.path.points_B, self.plan.path.normals_B)
-        self.trajectory.save(folder / LOG_FILE)
+        self.trajectory.save(folder / LOG_FILE, seed=settings.get("seed"))
 
 
 Keep = Callable[[Trajectory, BaseException], None]

@@ -18,8 +18,8 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import BreastScanError
 from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
-from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
+from breastscan.run.trajectory import Trajectory
 from experiments import sections
 from sim import error_analysis
 from sim.arm.servo import PERIOD, ServoConfig

@@ -5,7 +5,7 @@ from typing import Any
 
 from breastscan import report
 from breastscan.commands.console import console
-from breastscan.run.columns import Trajectory
+from breastscan.run.trajectory import Trajectory
 from breastscan.run.writing import write_aborted, write_json
 from breastscan.scan import Keep, Stages
 

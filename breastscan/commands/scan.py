@@ -25,7 +25,7 @@ from breastscan.robot.ur import preflight
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run import metrics
-from breastscan.run.writing import staged, write_settings
+from breastscan.run.writing import staged
 from breastscan.scan import ScanConfig, Stages
 from breastscan.scan import scan as run_scan
 from breastscan.vision.camera import StereoRig
@@ -147,8 +147,7 @@ def _scan_twin(
         result, found = measured_scan(
             world, tissue, config, stages, estimated, keep=keep_aborted(out)
         )
-        result.save(folder)
-        write_settings(folder, settings)
+        result.save(folder, settings)
         if video:
             with stages.stage("video") as share_done:
                 film = VideoConfig(fine=fine and _fine_or_reason())
@@ -244,8 +243,7 @@ def _scan_robot(
                 keep_aborted(out),
                 in_air=in_air,
             )
-        result.save(folder)
-        write_settings(folder, {**settings, "scan": config, "controller": controller})
+        result.save(folder, {**settings, "scan": config, "controller": controller})
         found = {}
         if result.trajectory.has_loop:
             fluctuation = result.plan.feed.fluctuation_pct

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from breastscan.commands.console import Out, Seed, console, progress_bars
 from breastscan.commands.results import keep_aborted, summarise, write_report
-from breastscan.run.writing import staged, write_settings
+from breastscan.run.writing import staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.vision.camera import StereoRig
 from sim.live.launch import LiveConfig, require_viewer
@@ -61,8 +61,7 @@ def view(
                 world, tissue, plan, stages, estimated,
                 viewer.follow, lambda planned: viewer.planned(_loop(planned)), keep_aborted(out),
             )  # fmt: skip
-            result.save(folder)
-            write_settings(
+            result.save(
                 folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene}
             )
             write_report(folder, metrics, stages)

@@ -12,7 +12,7 @@ from breastscan.errors import ConfigError, RobotError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
-from breastscan.run.columns import LOG_FILE, Trajectory
+from breastscan.run.trajectory import LOG_FILE, Trajectory
 
 READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
 """What is read of the log."""
@@ -154,10 +154,7 @@ def _require_whole(log: Trajectory) -> None:
         )
     for name in READ:
         if not np.isfinite(getattr(log, name)).all():
-            column = name.removesuffix("_P")
-            raise ConfigError(
-                f"column {column} of the recording holds a value that is not finite", name
-            )
+            raise ConfigError(f"{name} of the recording holds a value that is not finite", name)
 
 
 def _tool(

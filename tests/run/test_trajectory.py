@@ -1,14 +1,14 @@
 """Errors along the path, read from a log whose errors are known."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import polars
 import pytest
 
 from breastscan.errors import ConfigError
-from breastscan.run.columns import Trajectory
-from tests.run.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
+from breastscan.run.trajectory import Trajectory
+from tests.run.synthetic_run import INDENTATION, PERIOD, SLIP, synthetic_log, write_run
 
 
 def test_the_error_along_the_normal_is_the_indentation_and_deeper_is_negative(run):
@@ -46,10 +46,9 @@ def test_a_pressing_probe_has_a_positive_force(run):
     )
 
 
-def test_time_counts_from_the_beginning_of_the_log(tmp_path):
-    table = trajectory_table(np.random.default_rng(0)).with_columns(polars.col("t") + 86400.0)
-    table.write_parquet(tmp_path / "log.parquet")
-    time = Trajectory.load(tmp_path / "log.parquet").elapsed
+def test_time_counts_from_the_beginning_of_the_log():
+    log = synthetic_log(np.random.default_rng(0))
+    time = replace(log, t=log.t + 86400.0).elapsed
     assert time[0] == 0.0
     assert time[1] == pytest.approx(PERIOD, abs=1e-9)
 
@@ -61,38 +60,21 @@ def test_a_log_from_hardware_has_no_truth(tmp_path):
     assert trajectory.true_tilt is None
 
 
-def test_a_log_without_a_column_is_refused_by_the_columns_name(tmp_path):
-    trajectory_table(np.random.default_rng(0)).drop("qd").write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="lacks the columns qd"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
-def test_an_empty_log_is_refused(tmp_path):
-    trajectory_table(np.random.default_rng(0)).clear().write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="holds no sample"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
-def test_a_column_of_the_wrong_width_is_refused(tmp_path):
-    table = trajectory_table(np.random.default_rng(0))
-    table.with_columns(q=table["t"]).write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="column q"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
 @pytest.mark.parametrize("with_truth", [True, False])
 def test_a_log_is_read_back_as_it_was_saved(tmp_path, with_truth):
-    trajectory_table(np.random.default_rng(0), with_truth=with_truth).write_parquet(
-        tmp_path / "first.parquet"
-    )
-    first = Trajectory.load(tmp_path / "first.parquet")
-    first.save(tmp_path / "second.parquet")
-    first_table, second_table = (
-        polars.read_parquet(tmp_path / f"{name}.parquet") for name in ("first", "second")
-    )
-    assert first_table.columns == second_table.columns
-    for name, values in vars(Trajectory.load(tmp_path / "second.parquet")).items():
-        np.testing.assert_array_equal(values, getattr(first, name))
+    """Poses to the last digits: their rotations are saved as quaternions."""
+    log = synthetic_log(np.random.default_rng(0), with_truth=with_truth)
+    log.save(tmp_path / "log.parquet")
+    for name, values in vars(Trajectory.load(tmp_path / "log.parquet")).items():
+        if name.startswith("X_"):
+            np.testing.assert_allclose(values, getattr(log, name), rtol=0, atol=1e-12)
+        else:
+            np.testing.assert_array_equal(values, getattr(log, name))
+
+
+def test_a_folder_without_a_log_is_no_run(tmp_path):
+    with pytest.raises(ConfigError, match="breastscan scan --out"):
+        Trajectory.load(tmp_path / "trajectory.parquet")
 
 
 def test_a_loop_between_its_samples_is_linear_and_at_them_itself(run):
