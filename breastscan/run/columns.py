@@ -45,7 +45,7 @@ def _one(name: str, meaning: str, unit: str = "", kind: Kind = "number") -> tupl
 
 def _joints(name: str, meaning: str, unit: str) -> tuple[Column, ...]:
     return tuple(
-        Column(name=name.format(k), meaning=f"{meaning}, joints 1 to 6", unit=unit)
+        Column(name=name.format(k), meaning=f"joints 1 to 6, {meaning}", unit=unit)
         for k in range(1, 7)
     )
 
@@ -60,7 +60,7 @@ def _vector(
 
 def _pose(name: str, meaning: str, frame: str) -> tuple[Column, ...]:
     """Position and quaternion; `name` with a place for the axis."""
-    turned = f"its orientation, a unit quaternion: p_{frame} = R(q) p_P"
+    turned = f"its orientation as a unit quaternion, which turns P into {frame}"
     return (
         *_vector(f"{name}_m", f"position of the {meaning}", "m", frame),
         *_vector(name, turned, "", frame, ("qw", "qx", "qy", "qz")),
@@ -71,12 +71,12 @@ LOG: Columns = {
     "t": _one("t_s", "time on the robot's clock", "s"),
     "phase": _one("phase", "what the robot was doing: travel, approach, loop, ...", kind="text"),
     "s": _one("s_m", "path length along the loop; NaN off it", "m"),
-    "q": _joints("q{}_rad", "measured angles", "rad"),
-    "qd": _joints("qd{}_rad_s", "measured speeds", "rad/s"),
-    "target": _joints("q{}_target_rad", "angles that were sent before them", "rad"),
-    "q_plan": _joints("q{}_plan_rad", "planned angles; NaN off the loop", "rad"),
-    "qd_plan": _joints("qd{}_plan_rad_s", "planned speeds; NaN off the loop", "rad/s"),
-    "X_BP": _pose("tip_{}", "probe tip, from the measured angles", "B"),
+    "q": _joints("q{}_rad", "measured angle", "rad"),
+    "qd": _joints("qd{}_rad_s", "measured speed", "rad/s"),
+    "target": _joints("q{}_target_rad", "angle that was sent before it", "rad"),
+    "q_plan": _joints("q{}_plan_rad", "planned angle; NaN off the loop", "rad"),
+    "qd_plan": _joints("qd{}_plan_rad_s", "planned speed; NaN off the loop", "rad/s"),
+    "X_BP": _pose("tip_{}", "probe tip, by the measured angles", "B"),
     "X_BP_plan": _pose("tip_{}_plan", "planned probe tip; NaN off the loop", "B"),
     "wrench_P": (
         *_vector(
