@@ -13,7 +13,6 @@ import numpy as np
 import tyro
 from jaxtyping import Float, Float32
 
-from breastscan import scan
 from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import filters, normals
@@ -21,7 +20,7 @@ from breastscan.cloud.segment import Breast
 from breastscan.commands.console import Out, console
 from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
-from breastscan.scan import ScanConfig, Stages
+from breastscan.scan import ScanConfig, Stages, check_order, match, reconstruct_breast
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
@@ -79,9 +78,9 @@ def reconstruct(
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
     with writing.staged(out) as folder:
-        pair, matched = scan.match(images, cameras, settings, Stages())
+        pair, matched = match(images, cameras, settings, Stages())
         try:
-            breast = scan.reconstruct_breast(pair, matched, settings, Stages())
+            breast = reconstruct_breast(pair, matched, settings, Stages())
             view = View(
                 disparity=breast.disparity,
                 breast=breast.breast,
@@ -89,7 +88,7 @@ def reconstruct(
                 normals_L=breast.normals_L,
             )
         except NoBreastError:
-            scan.check_order(images, matched, cameras, settings)
+            check_order(images, matched, cameras, settings)
             view = _whole_view(pair, matched, settings)
         writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))

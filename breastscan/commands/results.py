@@ -1,13 +1,12 @@
 """What the commands that scan leave behind and say at the end."""
 
 from pathlib import Path
-from typing import Any
 
 from breastscan import report
 from breastscan.commands.console import console
 from breastscan.run.trajectory import Trajectory
-from breastscan.run.writing import write_aborted, write_json
-from breastscan.scan import Keep, Stages
+from breastscan.run.writing import write_aborted
+from breastscan.scan import Keep, ScanResult
 
 
 def keep_aborted(out: Path) -> Keep:
@@ -22,15 +21,7 @@ def keep_aborted(out: Path) -> Keep:
     return keep
 
 
-def write_report(folder: Path, metrics: dict[str, Any], stages: Stages) -> None:
-    """Metrics, with the wall time of each stage, and the page."""
-    with stages.stage("report"):
-        metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
-        write_json(folder / "metrics.json", metrics)
-        report.write(folder)
-
-
-def summarise(out: Path, metrics: dict[str, Any]) -> None:
+def summarise(out: Path, result: ScanResult) -> None:
     """The metrics in short, and where the page lies."""
-    console.print(report.summary(metrics))
+    console.print(report.summary(result.summary()))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)

@@ -13,18 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
+from breastscan import report
 from breastscan.camera.choice import open_camera
 from breastscan.camera.interface import StereoCamera
 from breastscan.cell import Cell
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, summarise, write_report
+from breastscan.commands.results import keep_aborted, summarise
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
-from breastscan.run import metrics
 from breastscan.run.writing import staged
 from breastscan.scan import ScanConfig, Stages
 from breastscan.scan import scan as run_scan
@@ -32,10 +32,10 @@ from breastscan.vision.camera import StereoRig
 from sim.cameras import filament
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.video import VideoConfig, render_video
-from sim.measured_scan import build_world, measured_scan
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
+from sim.twin import Twin
 
 TWIN = "twin"
 """Option that names the scene's own cameras."""
@@ -101,7 +101,7 @@ def scan(
                 "--cell, --camera, --calibration, --dry-run and --yes are a robot's: give --robot "
                 "rtde://HOST as well"
             )
-        settings = {"seed": seed, "video": video, "rig": rig, "scan": plan, "scene": scene}
+        settings = {"seed": seed, "video": video, "rig": rig, "scene": scene}
         _scan_twin(out, settings, rig, plan, drawn, video=video, fine=fine)
         return
     host = host_of(robot)
@@ -143,20 +143,24 @@ def _scan_twin(
     estimated = None if rig is None else StereoRig.load(rig)
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
-        world, tissue = build_world(scene, stages)
-        result, found = measured_scan(
-            world, tissue, config, stages, estimated, keep=keep_aborted(out)
-        )
-        result.save(folder, settings)
+        with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
+            result = run_scan(
+                twin.robot, twin.camera, twin.cell, config,
+                clearances=twin.clearances, stages=stages, keep=keep_aborted(out),
+            )  # fmt: skip
+            with stages.stage("truth"):
+                result = twin.measured(result)
         if video:
             with stages.stage("video") as share_done:
                 film = VideoConfig(fine=fine and _fine_or_reason())
                 render_video(
-                    world, tissue, result.trajectory, folder / "scan.mp4", film,
+                    twin.scene, twin.tissue, result.trajectory, folder / "scan.mp4", film,
                     progress=lambda share, _: share_done(share),
                 )  # fmt: skip
-        write_report(folder, found, stages)
-    summarise(out, found)
+        result.save(folder, **settings)
+        with stages.stage("report"):
+            report.write(folder)
+    summarise(out, result)
 
 
 def _fine_or_reason() -> bool:
@@ -237,19 +241,16 @@ def _scan_robot(
                 eyes(),
                 cell,
                 config,
-                stages,
-                clearances,
-                lambda plan: plan.motion.require_lift(arm.X_FP, arm.calibration),
-                keep_aborted(out),
+                clearances=clearances,
+                stages=stages,
+                on_plan=lambda plan: plan.motion.require_lift(arm.X_FP, arm.calibration),
+                keep=keep_aborted(out),
                 in_air=in_air,
             )
-        result.save(folder, {**settings, "scan": config, "controller": controller})
-        found = {}
-        if result.trajectory.has_loop:
-            fluctuation = result.plan.feed.fluctuation_pct
-            found = metrics.of_execution(result.trajectory, fluctuation, result.wall_s["execution"])
-        write_report(folder, found, stages)
-    summarise(out, found)
+        result.save(folder, **settings, controller=controller)
+        with stages.stage("report"):
+            report.write(folder)
+    summarise(out, result)
 
 
 def _introduction(controller: preflight.Controller, cell: Cell, source: object) -> str:

@@ -8,15 +8,16 @@ import numpy as np
 import tyro
 from jaxtyping import Float
 
+from breastscan import report
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, summarise, write_report
+from breastscan.commands.results import keep_aborted, summarise
 from breastscan.run.writing import staged
-from breastscan.scan import ScanConfig, ScanPlan, Stages
+from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
 from sim.live.launch import LiveConfig, require_viewer
 from sim.live.view import LiveView
-from sim.measured_scan import build_world, measured_scan
 from sim.scene import SceneConfig
+from sim.twin import Twin
 
 SHOWN = ("surface_rmse_mm", "executed_truth_rms_mm", "force_rmse_n", "force_peak_n")
 """Metrics that the panel shows at the end."""
@@ -53,24 +54,25 @@ def view(
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     with progress_bars() as listener:
-        world, tissue = build_world(scene.seeded(seed), Stages(listener))
-    with LiveView(world, live, plan.contact.force) as viewer:
+        twin = Twin(scene, seed=seed, rig=estimated, stages=Stages(listener))
+    with twin, LiveView(twin.scene, live, plan.contact.force) as viewer:
         with staged(out) as folder:
             stages = Stages(viewer.stage)
-            result, metrics = measured_scan(
-                world, tissue, plan, stages, estimated,
-                viewer.follow, lambda planned: viewer.planned(_loop(planned)), keep_aborted(out),
+            viewer.follow(twin.robot)
+            result = scan(
+                twin.robot, twin.camera, twin.cell, plan,
+                clearances=twin.clearances, stages=stages,
+                on_plan=lambda planned: viewer.planned(_loop(planned)), keep=keep_aborted(out),
             )  # fmt: skip
-            result.save(
-                folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene}
-            )
-            write_report(folder, metrics, stages)
-        summarise(out, metrics)
+            with stages.stage("truth"):
+                result = twin.measured(result)
+            result.save(folder, seed=seed, video=False, rig=rig, scene=scene)
+            with stages.stage("report"):
+                report.write(folder)
+        summarise(out, result)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):
-            viewer.linger(
-                tuple((name, f"{metrics[name]:.3f}") for name in SHOWN if name in metrics)
-            )
+            viewer.linger(tuple((name, f"{result.metrics[name]:.3f}") for name in SHOWN))
 
 
 def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:
