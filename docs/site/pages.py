@@ -50,7 +50,11 @@ def public_names(path: Path) -> list[str]:
             names.append(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
-            names += [part.id for part in ast.walk(target) if isinstance(part, ast.Name)]
+            names += [
+                part.id
+                for part in ast.walk(target)
+                if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+            ]
     return [name for name in names if not name.startswith("_")]
 
 
