@@ -4,7 +4,8 @@ everything against the truth. The run folder that it leaves, other examples read
 
 from pathlib import Path
 
-from breastscan import ScanConfig, report, scan
+from breastscan import ScanConfig, scan
+from breastscan.report import write
 from sim import SceneConfig, Twin
 
 with Twin(SceneConfig(), seed=0) as twin:
@@ -16,5 +17,5 @@ print(f"loop: {1e3 * result.plan.feed.s[-1]:.0f} mm in {result.metrics['scan_tim
 print(f"whole chain's error: {result.metrics['executed_truth_rms_mm']:.2f} mm RMS")
 print(f"force: {result.trajectory.pressing_force[result.trajectory.in_loop].mean():.2f} N")
 
-result.save(Path("out/scan"), seed=0)
-report.write(Path("out/scan"))
+result.save(Path("out/scan"), seed=0, scene=twin.scene.config)
+write(Path("out/scan"))

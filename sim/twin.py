@@ -87,13 +87,15 @@ class Twin:
 
         The tissue is pressed again where the probe was, and then rests.
         """
-        log = self.robot.truth_log()
-        places = error_analysis.contact_places(result.trajectory, log, self.tissue, self.truth)
-        trajectory = error_analysis.with_truth(result.trajectory, log, places)
-        perceived = self._perception_metrics(result)
-        executed = error_analysis.execution_metrics(places, self.scene.X_BS, self.truth)
-        forces = error_analysis.force_metrics(trajectory, result.config.contact.force)
-        metrics = perceived | result.metrics | executed | forces
+        log, went = self.robot.truth_log(), result.trajectory
+        places = None
+        if went.has_loop:  # else it was in the air
+            places = error_analysis.contact_places(went, log, self.tissue, self.truth)
+        trajectory = error_analysis.with_truth(went, log, places)
+        metrics = self._perception_metrics(result) | result.metrics
+        if places is not None:
+            metrics |= error_analysis.execution_metrics(places, self.scene.X_BS, self.truth)
+            metrics |= error_analysis.force_metrics(trajectory, result.config.contact.force)
         return replace(result, trajectory=trajectory, metrics=metrics)
 
     def _perception_metrics(self, result: ScanResult) -> dict[str, Any]:

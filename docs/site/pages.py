@@ -14,12 +14,16 @@ PACKAGES = ("breastscan", "sim")
 API = "api"
 INDEX = f"{API}/index.md"
 STABLE = {
+    "breastscan.scan": ["scan", "ScanConfig", "ScanResult"],
+    "breastscan.cell": ["Cell"],
+    "breastscan.run.trajectory": ["Trajectory"],
     "breastscan.vision.stereo": ["disparity_map", "StereoConfig"],
     "breastscan.vision.camera": ["StereoRig"],
     "breastscan.geometry.nurbs": ["Nurbs"],
     "breastscan.geometry.kinematics": ["forward", "inverse", "jacobian"],
     "breastscan.planning.feedrate": ["interpolate", "FeedrateLimits"],
     "breastscan.robot.interface": ["Robot"],
+    "sim.twin": ["Twin"],
     "sim.scene": ["SceneConfig"],
     "sim.robot": ["SimRobot"],
     "sim.truth": ["Truth"],
