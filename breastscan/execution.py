@@ -36,7 +36,7 @@ from breastscan.interruptions import deferred_interrupt, no_garbage_collection
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
 from breastscan.robot.standing import StandingRobot
-from breastscan.run.columns import Sample
+from breastscan.run.trajectory import Sample
 
 TRANSFER_SPEED = 0.6
 """Top joint speed of the free motions to and from the breast [rad/s]."""

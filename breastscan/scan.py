@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -30,8 +31,16 @@ from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.interface import Robot
-from breastscan.run.columns import LOG_FILE, Sample, Trajectory
-from breastscan.run.writing import disparity_picture, write_cloud, write_image, write_path
+from breastscan.run import metrics
+from breastscan.run.trajectory import LOG_FILE, Sample, Trajectory
+from breastscan.run.writing import (
+    disparity_picture,
+    write_cloud,
+    write_image,
+    write_json,
+    write_path,
+    write_settings,
+)
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching import pair_check
@@ -130,23 +139,40 @@ class ScanPlan:
 class ScanResult:
     """Everything that a scan saw, planned and did."""
 
+    config: ScanConfig
     cell: Cell
     images: StereoPair
     reconstruction: Reconstruction
     plan: ScanPlan
     trajectory: Trajectory
+    metrics: dict[str, Any]
+    """What was measured, named as in docs/data.md; empty where the loop was never reached."""
     wall_s: dict[str, float]
     """Wall time of each stage [s]."""
 
-    def save(self, folder: Path) -> None:
-        """Write what was seen, planned and done, and where, into a run folder."""
+    def summary(self) -> dict[str, Any]:
+        """What `metrics.json` holds: the metrics, and the wall time of each stage [s]."""
+        wall_s = {name: round(seconds, 3) for name, seconds in self.wall_s.items()}
+        return {**self.metrics, "wall_s": wall_s}
+
+    def save(self, folder: Path, *, seed: int | None = None, **settings: object) -> None:
+        """Write what was seen, planned, done and measured into a run folder (docs/data.md).
+
+        Args:
+            folder: Made where it is missing.
+            seed: Of what was drawn, if anything was.
+            settings: What else the scan was made with, for `config.json`.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        write_settings(folder, {"seed": seed, **settings, **vars(self.config)})
+        write_json(folder / "metrics.json", self.summary())
         self.cell.save(folder / "cell.json")
         write_image(folder / "left.png", self.images.left)
         write_image(folder / "right.png", self.images.right)
         write_image(folder / "disparity.png", disparity_picture(self.reconstruction.disparity))
         write_cloud(folder / "cloud.ply", self.plan.points_B, self.plan.normals_B)
         write_path(folder / "path.csv", self.plan.path.points_B, self.plan.path.normals_B)
-        self.trajectory.save(folder / LOG_FILE)
+        self.trajectory.save(folder / LOG_FILE, seed=seed)
 
 
 Keep = Callable[[Trajectory, BaseException], None]
@@ -176,12 +202,12 @@ def scan(
     robot: Robot,
     camera: StereoCamera,
     cell: Cell,
-    config: ScanConfig,
-    stages: Stages,
+    config: ScanConfig = ScanConfig(),
+    *,
     clearances: Clearances | None = None,
+    stages: Stages | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
     keep: Keep = lambda trajectory, error: None,
-    *,
     in_air: bool = False,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
@@ -191,9 +217,9 @@ def scan(
         camera: What takes the pair.
         cell: Where they stand.
         config: Every setting.
-        stages: Takes the wall times and hears of the progress.
         clearances: Measures the arm's distance from itself and the robot's cell; None leaves that
             out.
+        stages: Takes the wall times and hears of the progress.
         on_plan: Shown the plan before the arm moves.
         keep: Is given what was measured and the error that cuts the execution off, if the probe
             moved.
@@ -205,6 +231,7 @@ def scan(
         SafetyError: A limit was passed in contact; the probe was retreated.
         RobotError: The robot refused, or met no skin.
     """
+    stages = stages or Stages()
     with stages.stage("capture"):
         images = camera.capture()
     reconstruction = perceive(images, cell.rig, config.perception, stages)
@@ -227,12 +254,15 @@ def scan(
                 keep(scan_log.trajectory(log, plan.motion, robot), error)
             raise
     trajectory = scan_log.trajectory(log, plan.motion, robot)
+    wall, fluctuation = stages.wall_s["execution"], plan.feed.fluctuation_pct
     return ScanResult(
+        config=config,
         cell=cell,
         images=images,
         reconstruction=reconstruction,
         plan=plan,
         trajectory=trajectory,
+        metrics=metrics.of_execution(trajectory, fluctuation, wall) if trajectory.has_loop else {},
         wall_s=stages.wall_s,
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
-from breastscan.run.columns import Sample, Trajectory
+from breastscan.run.trajectory import Sample, Trajectory
 
 
 def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:

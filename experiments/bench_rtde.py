@@ -159,14 +159,15 @@ def _figures(run: Path, truth: Path) -> dict[str, float]:
     measured = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     loop = (
         pl.read_parquet(run / "trajectory.parquet")
-        .filter(pl.col("phase") == "loop")["t"]
+        .filter(pl.col("phase") == "loop")["t_s"]
         .to_numpy()
     )
     true = pl.read_parquet(truth)
-    steady = (true["t"].to_numpy() >= loop[0] + STEADY_AFTER) & (true["t"].to_numpy() <= loop[-1])
+    t = true["t_s"].to_numpy()
+    steady = (t >= loop[0] + STEADY_AFTER) & (t <= loop[-1])
     return {
         "tracking across the normal, RMS [mm]": measured["tracking_tangential_rmse_mm"],
-        "true force about 5 N, RMS [N]": rms(true["true_force"].to_numpy()[steady] - FORCE),
+        "true force about 5 N, RMS [N]": rms(true["true_force_n"].to_numpy()[steady] - FORCE),
     }
 
 

@@ -19,8 +19,8 @@ from breastscan.errors import BreastScanError
 from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
 from breastscan.robot.ur.ur5e import PERIOD
-from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
+from breastscan.run.trajectory import Trajectory
 from breastscan.servo import Servo
 from experiments import sections
 from sim import error_analysis

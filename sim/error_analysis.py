@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float, Int
 
 from breastscan.geometry import se3
 from breastscan.planning.pattern import Path
-from breastscan.run.columns import Trajectory
 from breastscan.run.metrics import rms
+from breastscan.run.trajectory import Trajectory
 from breastscan.scan import Reconstruction
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from sim.tissue.contact import Mechanics

@@ -2,9 +2,13 @@
 
 from collections import deque
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+
+from breastscan.run import parquet
+from breastscan.run.columns import TRUTH
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +27,10 @@ class TruthLog:
     """Largest inward displacement of the skin [m]."""
     X_SP: Float[np.ndarray, "n 4 4"]
     """Pose of the probe tip in the phantom."""
+
+    def save(self, path: Path) -> None:
+        """Write `truth.parquet` with the columns of docs/data.md."""
+        parquet.write(path, TRUTH, vars(self))
 
 
 class TruthRecorder:

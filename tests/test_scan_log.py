@@ -7,7 +7,7 @@ import numpy as np
 from breastscan import scan_log
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
-from breastscan.run.columns import Sample
+from breastscan.run.trajectory import Sample
 from tests.springs import X_FP, SpringRobot
 
 

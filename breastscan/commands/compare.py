@@ -12,8 +12,8 @@ from breastscan.report import difference_figures
 from breastscan.report.catalogue import number
 from breastscan.report.difference import Difference, difference, statistics
 from breastscan.run import writing
-from breastscan.run.columns import LOG_FILE, MM_PER_M, Trajectory
 from breastscan.run.provenance import provenance
+from breastscan.run.trajectory import LOG_FILE, MM_PER_M, Trajectory
 
 
 def compare(

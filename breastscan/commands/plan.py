@@ -27,12 +27,8 @@ from breastscan.scan import PlanningConfig
 COLUMNS = (
     "t_s",
     *(f"q{k}_rad" for k in range(1, 7)),
-    "x_m",
-    "y_m",
-    "z_m",
-    "rx_rad",
-    "ry_rad",
-    "rz_rad",
+    *(f"tip_{axis}_m" for axis in "xyz"),
+    *(f"tip_r{axis}_rad" for axis in "xyz"),
 )
 """Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write
 it."""

@@ -12,7 +12,6 @@ import numpy as np
 import tyro
 from jaxtyping import Float, Float32
 
-from breastscan import scan
 from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import filters, normals
@@ -20,7 +19,7 @@ from breastscan.cloud.segment import Breast
 from breastscan.commands.console import Out, console
 from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
-from breastscan.scan import PerceptionConfig, Stages
+from breastscan.scan import PerceptionConfig, Stages, check_sides, match, reconstruct_breast
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
@@ -78,9 +77,9 @@ def reconstruct(
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
     with writing.staged(out) as folder:
-        pair, matched = scan.match(images, cameras, perception, Stages())
+        pair, matched = match(images, cameras, perception, Stages())
         try:
-            breast = scan.reconstruct_breast(pair, matched, perception, Stages())
+            breast = reconstruct_breast(pair, matched, perception, Stages())
             view = PairReconstruction(
                 disparity=breast.disparity,
                 breast=breast.breast,
@@ -88,7 +87,7 @@ def reconstruct(
                 normals_L=breast.normals_L,
             )
         except NoBreastError:
-            scan.check_sides(images, matched, cameras, perception)
+            check_sides(images, matched, cameras, perception)
             view = _whole_view(pair, matched, perception)
         writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))

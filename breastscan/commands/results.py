@@ -1,19 +1,18 @@
 """What the commands that scan leave behind and say at the end."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from polars.exceptions import PolarsError
 
 from breastscan import report
 from breastscan.commands.console import console
 from breastscan.errors import ConfigError
-from breastscan.run.columns import Trajectory
-from breastscan.run.writing import write_aborted, write_json, write_settings
-from breastscan.scan import Keep, ScanPlan, ScanResult, Stages
+from breastscan.run.trajectory import Trajectory
+from breastscan.run.writing import write_aborted
+from breastscan.scan import Keep, ScanPlan, ScanResult
 
 
 def keep_aborted(out: Path) -> Keep:
@@ -32,10 +31,12 @@ def keep_aborted(out: Path) -> Keep:
 
 
 @contextmanager
-def kept_elsewhere(
-    out: Path, result: ScanResult, settings: dict[str, Any], metrics: dict[str, Any]
-) -> Iterator[None]:
-    """Where the block cannot write, put what a scan measured into a folder for temporary files.
+def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
+    """Where the block cannot write, save what a scan measured into a folder for temporary files.
+
+    Args:
+        out: Where the block writes.
+        save: Writes what was measured into a folder.
 
     Raises:
         ConfigError: Something could not be written; says why, and where the results are.
@@ -44,9 +45,7 @@ def kept_elsewhere(
         yield
     except (OSError, PolarsError) as error:
         folder = _elsewhere()
-        result.save(folder)
-        write_settings(folder, settings)
-        write_json(folder / "metrics.json", metrics)
+        save(folder)
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(
             f"cannot write to {out} ({reason}): what was measured is in {folder}", out
@@ -63,15 +62,7 @@ def tell_plan(plan: ScanPlan) -> None:
         console.print(f"[yellow]{plan.hidden_speed}[/]", soft_wrap=True)
 
 
-def write_report(folder: Path, metrics: dict[str, Any], stages: Stages) -> None:
-    """Metrics, with the wall time of each stage, and the page."""
-    with stages.stage("report"):
-        metrics["wall_s"] = {name: round(seconds, 3) for name, seconds in stages.wall_s.items()}
-        write_json(folder / "metrics.json", metrics)
-        report.write(folder)
-
-
-def summarise(out: Path, metrics: dict[str, Any]) -> None:
+def summarise(out: Path, result: ScanResult) -> None:
     """The metrics in short, and where the page lies."""
-    console.print(report.summary(metrics))
+    console.print(report.summary(result.summary()))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)

@@ -15,35 +15,29 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from breastscan import report
 from breastscan.camera.choice import open_camera
 from breastscan.camera.interface import StereoCamera
 from breastscan.cell import Cell
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import (
-    keep_aborted,
-    kept_elsewhere,
-    summarise,
-    tell_plan,
-    write_report,
-)
+from breastscan.commands.results import keep_aborted, kept_elsewhere, summarise, tell_plan
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
-from breastscan.run import metrics
-from breastscan.run.writing import staged, write_settings
+from breastscan.run.writing import staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.scan import scan as run_scan
 from breastscan.vision.camera import StereoRig
 from sim.cameras import filament
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.video import VideoConfig, render_video
-from sim.measured_scan import build_world, measured_scan
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
+from sim.twin import Twin
 
 TWIN = "twin"
 """Option that names the scene's own cameras."""
@@ -116,7 +110,7 @@ def scan(
             and (seed, scene) != (0, SceneConfig()),
         }
     )
-    settings = {"seed": seed, "rig": rig, **vars(config), "scene": scene}
+    settings = {"seed": seed, "rig": rig, "scene": scene}
     if robot is None:
         settings |= {"video": video, "fine": fine}
         _scan_twin(out, settings, rig, config, drawn, video=video, fine=fine)
@@ -161,22 +155,29 @@ def _scan_twin(
     estimated = None if rig is None else StereoRig.load(rig)
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
-        world, tissue = build_world(scene, stages)
-        result, found = measured_scan(
-            world, tissue, config, stages, estimated, on_plan=tell_plan, keep=keep_aborted(out)
-        )
-        with kept_elsewhere(out, result, settings, found):
-            result.save(folder)
-            write_settings(folder, settings)
+        with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
+            result = run_scan(
+                twin.robot, twin.camera, twin.cell, config, clearances=twin.clearances,
+                stages=stages, on_plan=tell_plan, keep=keep_aborted(out),
+            )  # fmt: skip
+            with stages.stage("truth"):
+                result = twin.measured(result)
+
+        def save(place: Path) -> None:
+            result.save(place, **settings)
+
+        with kept_elsewhere(out, save):
             if video:
                 with stages.stage("video") as report_fraction:
                     film = VideoConfig(fine=fine and _fine_or_reason())
                     render_video(
-                        world, tissue, result.trajectory, folder / "scan.mp4", film,
+                        twin.scene, twin.tissue, result.trajectory, folder / "scan.mp4", film,
                         progress=lambda fraction, _: report_fraction(fraction),
                     )  # fmt: skip
-            write_report(folder, found, stages)
-    summarise(out, found)
+            save(folder)
+            with stages.stage("report"):
+                report.write(folder)
+    summarise(out, result)
 
 
 def _fine_or_reason() -> bool:
@@ -262,21 +263,21 @@ def _scan_robot(
                 open_stereo(),
                 cell,
                 config,
-                stages,
-                clearances,
-                shown,
-                keep_aborted(out),
+                clearances=clearances,
+                stages=stages,
+                on_plan=shown,
+                keep=keep_aborted(out),
                 in_air=in_air,
             )
-        found = {}
-        if result.trajectory.has_loop:
-            fluctuation = result.plan.feed.fluctuation_pct
-            found = metrics.of_execution(result.trajectory, fluctuation, result.wall_s["execution"])
-        with kept_elsewhere(out, result, settings, found):
-            result.save(folder)
-            write_settings(folder, {**settings, "robot_found": controller})
-            write_report(folder, found, stages)
-    summarise(out, found)
+
+        def save(place: Path) -> None:
+            result.save(place, **settings, robot_found=controller)
+
+        with kept_elsewhere(out, save):
+            save(folder)
+            with stages.stage("report"):
+                report.write(folder)
+    summarise(out, result)
 
 
 def _introduction(controller: preflight.ControllerIdentity, cell: Cell, source: object) -> str:

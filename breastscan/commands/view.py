@@ -8,21 +8,16 @@ import numpy as np
 import tyro
 from jaxtyping import Float
 
+from breastscan import report
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import (
-    keep_aborted,
-    kept_elsewhere,
-    summarise,
-    tell_plan,
-    write_report,
-)
-from breastscan.run.writing import staged, write_settings
-from breastscan.scan import ScanConfig, ScanPlan, Stages
+from breastscan.commands.results import keep_aborted, kept_elsewhere, summarise, tell_plan
+from breastscan.run.writing import staged
+from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
 from sim.live.launch import LiveConfig, require_viewer
 from sim.live.view import LiveView
-from sim.measured_scan import build_world, measured_scan
 from sim.scene import SceneConfig
+from sim.twin import Twin
 
 SHOWN = ("surface_rmse_mm", "executed_truth_rms_mm", "force_rmse_n", "force_peak_n")
 """Metrics that the panel shows at the end."""
@@ -66,30 +61,34 @@ def view(
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     with progress_bars() as listener:
-        world, tissue = build_world(scene.seeded(seed), Stages(listener))
+        twin = Twin(scene, seed=seed, rig=estimated, stages=Stages(listener))
 
     def shown(plan: ScanPlan) -> None:
         viewer.planned(_loop(plan))
         tell_plan(plan)
 
-    with LiveView(world, live, config.contact.force) as viewer:
+    with twin, LiveView(twin.scene, live, config.contact.force) as viewer:
         with staged(out) as folder:
             stages = Stages(viewer.stage)
-            result, metrics = measured_scan(
-                world, tissue, config, stages, estimated,
-                viewer.follow, shown, keep_aborted(out),
+            viewer.follow(twin.robot)
+            result = scan(
+                twin.robot, twin.camera, twin.cell, config, clearances=twin.clearances,
+                stages=stages, on_plan=shown, keep=keep_aborted(out),
             )  # fmt: skip
-            settings = {"seed": seed, "rig": rig, **vars(config), "scene": scene}
-            with kept_elsewhere(out, result, settings, metrics):
-                result.save(folder)
-                write_settings(folder, settings)
-                write_report(folder, metrics, stages)
-        summarise(out, metrics)
+            with stages.stage("truth"):
+                result = twin.measured(result)
+
+            def save(place: Path) -> None:
+                result.save(place, seed=seed, rig=rig, scene=scene)
+
+            with kept_elsewhere(out, save):
+                save(folder)
+                with stages.stage("report"):
+                    report.write(folder)
+        summarise(out, result)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):
-            viewer.linger(
-                tuple((name, f"{metrics[name]:.3f}") for name in SHOWN if name in metrics)
-            )
+            viewer.linger(tuple((name, f"{result.metrics[name]:.3f}") for name in SHOWN))
 
 
 def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:

@@ -75,6 +75,35 @@ def rotation_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
+def quaternion(X_AB: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 4"]:
+    """Unit quaternions (w x y z) of poses, each on its predecessor's side; NaN where the pose is.
+
+    A quaternion and its negative are the same rotation: of the two the nearer to the row before
+    is taken, so that smooth motions have smooth numbers.
+    """
+    q = np.full((len(X_AB), 4), np.nan)
+    known = np.isfinite(X_AB).all(axis=(1, 2))
+    if known.any():
+        q[known] = Rotation.from_matrix(X_AB[known, :3, :3]).as_quat(scalar_first=True)
+    turned = np.sum(q[known][1:] * q[known][:-1], axis=1) < 0
+    q[known] *= np.cumprod(np.r_[1.0, np.where(turned, -1.0, 1.0)])[: known.sum(), None]
+    return q
+
+
+def from_quaternion(
+    q: Float[np.ndarray, "n 4"], p: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """The poses with quaternions `q` (w x y z), of any length but 0, and translations `p` [m]; NaN
+    where either is.
+    """
+    X_AB = np.full((len(q), 4, 4), np.nan)
+    known = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
+    if known.any():
+        R = Rotation.from_quat(q[known], scalar_first=True).as_matrix()
+        X_AB[known] = pose(R, p[known])
+    return X_AB
+
+
 def pose_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
     """Each pose as controllers write it: position [m], then rotation vector [rad]."""
     return np.concatenate([X_AB[..., :3, 3], rotation_vector(X_AB)], axis=-1)

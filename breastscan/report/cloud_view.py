@@ -6,7 +6,7 @@ from jaxtyping import Float
 from plotly.offline import get_plotlyjs
 
 from breastscan.report import theme
-from breastscan.run.columns import MM_PER_M, Trajectory
+from breastscan.run.trajectory import MM_PER_M, Trajectory
 
 ELEMENT_ID = "cloud"
 """Where on the page the view is drawn."""

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from breastscan.report import theme
-from breastscan.run.columns import MM_PER_M, Trajectory
+from breastscan.run.trajectory import MM_PER_M, Trajectory
 
 STRETCHES = 700
 """Stretches of time over each of which the measured force is drawn as one range: about two pixels

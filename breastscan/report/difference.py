@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import ConfigError
-from breastscan.run.columns import MM_PER_M, Trajectory
+from breastscan.run.trajectory import MM_PER_M, Trajectory
 
 STEP = 0.25e-3
 """Path length between two compared places [m]."""

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from breastscan.report import theme
-from breastscan.run.columns import Trajectory
+from breastscan.run.trajectory import Trajectory
 
 JOINTS = ("1 base", "2 shoulder", "3 elbow", "4 wrist 1", "5 wrist 2", "6 wrist 3")
 ANGLE_LIMITS_DEG = (360.0, 360.0, 180.0, 360.0, 360.0, 360.0)

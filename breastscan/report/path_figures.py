@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from breastscan.report import theme
 from breastscan.report.paper import table4_statistics
-from breastscan.run.columns import MM_PER_M, Trajectory
+from breastscan.run.trajectory import MM_PER_M, Trajectory
 
 AXES = ("x", "y", "z")
 MAGNIFICATIONS = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0)

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from breastscan.run.columns import Span
+from breastscan.run.trajectory import Span
 
 INK = "#1c2430"
 MUTED = "#667085"

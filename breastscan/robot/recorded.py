@@ -14,7 +14,7 @@ from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.interface import RobotState
 from breastscan.robot.ur.ur5e import SERVO
-from breastscan.run.columns import LOG_FILE, Trajectory
+from breastscan.run.trajectory import LOG_FILE, Trajectory
 from breastscan.servo import Servo
 
 READ = ("t", "q", "qd", "target", "X_BP", "wrench_P")
@@ -159,10 +159,7 @@ def _require_whole(log: Trajectory) -> None:
         )
     for name in READ:
         if not np.isfinite(getattr(log, name)).all():
-            column = name.removesuffix("_P")
-            raise ConfigError(
-                f"column {column} of the recording holds a value that is not finite", name
-            )
+            raise ConfigError(f"{name} of the recording holds a value that is not finite", name)
 
 
 def _tool(

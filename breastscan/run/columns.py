@@ -1,236 +1,140 @@
-"""The log of an executed scan, one sample a control period, and the columns of the files that a
-run leaves.
+"""The columns of the tables that a run leaves: one number, word or truth value each, units in the
+names.
+
+The tables here drive writing, reading, the file's own description, and docs/data.md: `python -m
+breastscan.run.columns` prints what stands there.
 """
 
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Literal
 
-import numpy as np
-import polars
-from jaxtyping import Bool, Float, Int
-
-from breastscan.errors import ConfigError
-
-MM_PER_M = 1e3
-
-LOOP = "loop"
-"""Name of the phase in which the probe follows the planned path."""
-
-LOG_FILE = "trajectory.parquet"
-"""The log in the folder of a run."""
-PATH_COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
-"""Of `path.csv`: points in B and outward unit normals."""
-SHAPES = {
-    **dict.fromkeys(("t", "s", "true_force", "true_depth", "true_tilt"), ()),
-    **dict.fromkeys(("q", "qd", "target", "q_plan", "qd_plan", "wrench_P"), (6,)),
-    **dict.fromkeys(("X_BP", "X_BP_plan"), (4, 4)),
+Kind = Literal["number", "text", "yes or no"]
+AXES = ("x", "y", "z")
+FRAMES = {
+    "B": "robot base, as Universal Robots define it, z up",
+    "P": "probe tip, middle of its face: z out of it into the tissue, x along the array",
+    "S": "phantom, middle of the breast's base on the chest plate, z along its outward normal",
 }
-"""Fields of numbers, and what each holds a row; a matrix lies in its column row by row."""
-TRUTH = ("true_force", "true_depth", "true_tilt")
-"""Fields that only a simulation can fill."""
-
-
-class Sample(NamedTuple):
-    """What is kept of one control period."""
-
-    time: float
-    """Robot's clock [s]."""
-    phase: str
-    """What the robot was doing."""
-    row: float
-    """Row of the plan where the arm should be, with a fraction; NaN off the path."""
-    q: Float[np.ndarray, "6"]
-    """Measured joint angles [rad]."""
-    qd: Float[np.ndarray, "6"]
-    """Measured joint speeds [rad/s]."""
-    target: Float[np.ndarray, "6"]
-    """Joint angles that were sent before them [rad]."""
-    wrench_P: Float[np.ndarray, "6"]
-    """Measured wrench at the tip in P, force first [N, N m]."""
-    contact: bool
-    """Whether the controller took the probe to touch."""
+"""The letters in the column `frame`."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Span:
-    """An uninterrupted stretch of one phase."""
+class Column:
+    """One column of a table."""
 
-    phase: str
-    start: float
-    """Time of its first sample [s]."""
-    end: float
-    """Time at which the next phase begins; for the last phase, of its last sample [s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """An executed scan. What was planned is NaN outside the loop; truth is None on hardware."""
-
-    t: Float[np.ndarray, "n"]
-    """Robot's clock [s]."""
-    phase: tuple[str, ...]
-    """What the robot was doing: approach, settle, loop, retreat ..."""
-    s: Float[np.ndarray, "n"]
-    """Path length along the loop [m]."""
-    q: Float[np.ndarray, "n 6"]
-    """Measured joint angles [rad]."""
-    qd: Float[np.ndarray, "n 6"]
-    """Measured joint speeds [rad/s]."""
-    target: Float[np.ndarray, "n 6"]
-    """Joint angles that were sent [rad]."""
-    q_plan: Float[np.ndarray, "n 6"]
-    """Planned joint angles [rad]."""
-    qd_plan: Float[np.ndarray, "n 6"]
-    """Planned joint speeds [rad/s]."""
-    X_BP: Float[np.ndarray, "n 4 4"]
-    """Executed tip pose in the robot base."""
-    X_BP_plan: Float[np.ndarray, "n 4 4"]
-    """Planned tip pose in the robot base."""
-    wrench_P: Float[np.ndarray, "n 6"]
-    """Measured wrench at the tip in P, force first [N, N m]; pressing reads negative along z."""
-    contact: Bool[np.ndarray, "n"]
-    """Whether the controller took the probe to touch."""
-    true_force: Float[np.ndarray, "n"] | None = None
-    """True contact force along the probe axis, positive when pressing [N]."""
-    true_depth: Float[np.ndarray, "n"] | None = None
-    """True indentation of the tissue [m]."""
-    true_tilt: Float[np.ndarray, "n"] | None = None
-    """Angle of the probe axis against the true normal [rad]; NaN where nothing touches."""
-
-    @property
-    def elapsed(self) -> Float[np.ndarray, "n"]:
-        """Time since the log began [s]."""
-        return self.t - self.t[0]
-
-    @property
-    def in_loop(self) -> Bool[np.ndarray, "n"]:
-        """Which samples belong to the loop."""
-        return np.array(self.phase) == LOOP
-
-    @property
-    def has_loop(self) -> bool:
-        """Whether enough of the loop was driven to speak of errors along it."""
-        return bool(np.count_nonzero(self.in_loop) > 1)
-
-    @property
-    def pressing_force(self) -> Float[np.ndarray, "n"]:
-        """Measured contact force along the probe axis, positive when pressing [N]."""
-        return -self.wrench_P[:, 2]
-
-    def spans(self) -> list[Span]:
-        """The phases in the order in which they came."""
-        names = np.array(self.phase)
-        starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
-        ends = np.r_[starts[1:], len(names) - 1]
-        elapsed = self.elapsed
-        return [
-            Span(phase=self.phase[start], start=float(elapsed[start]), end=float(elapsed[end]))
-            for start, end in zip(starts, ends, strict=True)
-        ]
-
-    def path_errors_mm(self) -> Float[np.ndarray, "m 3"]:
-        """Executed minus planned tip at equal path parameter, over the loop, in B [mm]."""
-        error_B = self.X_BP[self.in_loop, :3, 3] - self.X_BP_plan[self.in_loop, :3, 3]
-        return error_B * MM_PER_M
-
-    def normal_errors_mm(self) -> Float[np.ndarray, "m"]:
-        """The part of `path_errors_mm` along the planned outward normal: negative is deeper than
-        planned [mm].
-        """
-        normal_B = -self.X_BP_plan[self.in_loop, :3, 2]
-        return np.sum(self.path_errors_mm() * normal_B, axis=1)
-
-    def tangential_errors_mm(self) -> Float[np.ndarray, "m"]:
-        """The size of the part of `path_errors_mm` across the planned normal [mm]."""
-        squared = np.sum(self.path_errors_mm() ** 2, axis=1) - self.normal_errors_mm() ** 2
-        return np.sqrt(np.maximum(squared, 0.0))
-
-    def take(self, rows: Int[np.ndarray, "k"]) -> "Trajectory":
-        """Some of the samples."""
-        arrays = {
-            name: values[rows]
-            for name, values in vars(self).items()
-            if isinstance(values, np.ndarray)
-        }
-        return replace(self, phase=tuple(self.phase[row] for row in rows), **arrays)
-
-    def between(self, s: Float[np.ndarray, "k"]) -> "Trajectory":
-        """A loop at other path lengths [m] within its own, which rise: linear between its
-        samples.
-        """
-        row = np.interp(s, self.s, np.arange(len(self.s)))
-        nearest = self.take(row.round().astype(int))
-
-        def linear(values: np.ndarray) -> np.ndarray:
-            columns = [np.interp(s, self.s, column) for column in values.reshape(len(values), -1).T]
-            return np.stack(columns, axis=1).reshape(len(s), *values.shape[1:])
-
-        numbers = {
-            name: values
-            for name, values in vars(self).items()
-            if getattr(values, "dtype", None) == np.float64
-        }
-        return replace(nearest, **{name: linear(values) for name, values in numbers.items()})
-
-    def save(self, path: Path) -> None:
-        """Write the log: a column a field, without its frame, in their order; a matrix as a list
-        of its numbers.
-        """
-        columns = {
-            _column(name): values for name, values in vars(self).items() if values is not None
-        }
-        columns |= {name: columns[name].reshape(len(self.t), 16) for name in ("X_BP", "X_BP_plan")}
-        polars.DataFrame(columns).write_parquet(path)
-
-    @staticmethod
-    def load(path: Path) -> "Trajectory":
-        """Read a log.
-
-        Raises:
-            ConfigError: The file is no log of a scan, lacks a column, or one does not hold what it
-                should.
-        """
-        table = _read(path)
-
-        def floats(field: str) -> np.ndarray:
-            shape, column = SHAPES[field], _column(field)
-            values = table[column].to_numpy().astype(float)
-            if values.size != len(table) * int(np.prod(shape)):
-                raise ConfigError(
-                    f"{path}: column {column} should hold {shape} numbers a row; run the scan "
-                    "again",
-                    path,
-                )
-            return values.reshape(len(table), *shape)
-
-        return Trajectory(
-            phase=tuple(table["phase"].to_list()),
-            contact=table["contact"].to_numpy().astype(bool),
-            **{name: floats(name) for name in SHAPES if name not in TRUTH or name in table.columns},
-        )
+    name: str
+    """In the file, with the unit."""
+    meaning: str
+    unit: str = ""
+    """Empty where there is none."""
+    frame: str = ""
+    """Basis or reference, a letter of `FRAMES`; empty where there is none."""
+    kind: Kind = "number"
 
 
-def _column(field: str) -> str:
-    return field.removesuffix("_P")
+Columns = Mapping[str, tuple[Column, ...]]
+"""For each array, the columns that hold it: one for a value a row, one for each entry of a vector,
+seven for a pose."""
 
 
-def _read(path: Path) -> polars.DataFrame:
-    if not path.is_file():
-        why = (
-            f"{path.parent} is not a run: expected a folder with {path.name}, as `breastscan "
-            f"scan --out {path.parent}`"
-        )
-        raise ConfigError(f"{why} writes it", path)
-    try:
-        table = polars.read_parquet(path)
-    except (polars.exceptions.PolarsError, OSError) as error:
-        raise ConfigError(
-            f"{path} is not a Parquet file ({error}): run the scan again", path
-        ) from error
-    needed = (_column(field.name) for field in fields(Trajectory) if field.name not in TRUTH)
-    missing = [name for name in needed if name not in table.columns]
-    if missing or table.is_empty():
-        fault = f"lacks the columns {', '.join(missing)}" if missing else "holds no sample"
-        raise ConfigError(f"{path} {fault}: expected the log of a scan; run the scan again", path)
-    return table
+def _one(name: str, meaning: str, unit: str = "", kind: Kind = "number") -> tuple[Column, ...]:
+    return (Column(name=name, meaning=meaning, unit=unit, kind=kind),)
+
+
+def _joints(name: str, meaning: str, unit: str) -> tuple[Column, ...]:
+    return tuple(
+        Column(name=name.format(k), meaning=f"joints 1 to 6, {meaning}", unit=unit)
+        for k in range(1, 7)
+    )
+
+
+def _vector(
+    name: str, meaning: str, unit: str, frame: str, axes: tuple[str, ...] = AXES
+) -> tuple[Column, ...]:
+    return tuple(
+        Column(name=name.format(axis), meaning=meaning, unit=unit, frame=frame) for axis in axes
+    )
+
+
+def _pose(name: str, meaning: str, frame: str) -> tuple[Column, ...]:
+    """Position and quaternion; `name` with a place for the axis."""
+    turned = f"its orientation as a unit quaternion, which turns P into {frame}"
+    return (
+        *_vector(f"{name}_m", f"position of the {meaning}", "m", frame),
+        *_vector(name, turned, "", frame, ("qw", "qx", "qy", "qz")),
+    )
+
+
+LOG: Columns = {
+    "t": _one("t_s", "time on the robot's clock", "s"),
+    "phase": _one("phase", "what the robot was doing: travel, approach, loop, ...", kind="text"),
+    "s": _one("s_m", "path length along the loop; NaN off it", "m"),
+    "q": _joints("q{}_rad", "measured angle", "rad"),
+    "qd": _joints("qd{}_rad_s", "measured speed", "rad/s"),
+    "target": _joints("q{}_target_rad", "angle that was sent before it", "rad"),
+    "q_plan": _joints("q{}_plan_rad", "planned angle; NaN off the loop", "rad"),
+    "qd_plan": _joints("qd{}_plan_rad_s", "planned speed; NaN off the loop", "rad/s"),
+    "X_BP": _pose("tip_{}", "probe tip, by the measured angles", "B"),
+    "X_BP_plan": _pose("tip_{}_plan", "planned probe tip; NaN off the loop", "B"),
+    "wrench_P": (
+        *_vector(
+            "force_{}_n", "measured force on the probe; pressing is negative along z", "N", "P"
+        ),
+        *_vector("torque_{}_nm", "measured torque on the probe, about its tip", "N m", "P"),
+    ),
+    "contact": _one("contact", "whether the controller took the probe to touch", kind="yes or no"),
+    "true_force": _one("true_force_n", "true force along the probe axis; pressing is > 0", "N"),
+    "true_depth": _one("true_depth_m", "true indentation of the tissue", "m"),
+    "true_tilt": _one(
+        "true_tilt_rad", "probe axis off the true normal; NaN where nothing touches", "rad"
+    ),
+}
+"""Of `trajectory.parquet`, by the fields of `Trajectory`; those of the truth only from the twin."""
+PATH: Columns = {
+    "points_B": _vector("{}_m", "point of the path", "m", "B"),
+    "normals_B": _vector("n{}", "outward unit normal of the skin there", "", "B"),
+}
+"""Of `path.csv`."""
+TRUTH: Columns = {
+    "time": LOG["t"],
+    "q": LOG["q"],
+    "force_axial": LOG["true_force"],
+    "depth": LOG["true_depth"],
+    "X_SP": _pose("tip_{}_phantom", "probe tip in the phantom", "S"),
+}
+"""Of `truth.parquet`, by the fields of `sim`'s log of the truth."""
+
+
+def names(columns: Columns) -> tuple[str, ...]:
+    """The columns' names in their order."""
+    return tuple(column.name for group in columns.values() for column in group)
+
+
+def descriptions(columns: Columns) -> dict[str, dict[str, str]]:
+    """Unit, frame and meaning of each column, for the file's own metadata."""
+    return {
+        column.name: {"unit": column.unit, "frame": column.frame, "meaning": column.meaning}
+        for group in columns.values()
+        for column in group
+    }
+
+
+def markdown(columns: Columns) -> str:
+    """A row for each run of columns that mean the same."""
+    lines = ["| column | unit | frame | meaning |", "|---|---|---|---|"]
+    every = (column for group in columns.values() for column in group)
+    for (unit, frame, meaning), alike in groupby(every, lambda c: (c.unit, c.frame, c.meaning)):
+        shown = " ".join(f"`{column.name}`" for column in alike)
+        lines.append(f"| {shown} | {unit or '-'} | {frame or '-'} | {meaning} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    for file, columns in (
+        ("trajectory.parquet", LOG),
+        ("path.csv", PATH),
+        ("truth.parquet", TRUTH),
+    ):
+        print(f"{file}\n\n{markdown(columns)}\n")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from breastscan.run.columns import Trajectory
+from breastscan.run.trajectory import Trajectory
 
 
 def of_execution(

@@ -12,7 +12,8 @@ from jaxtyping import Float, UInt8
 from trimesh.exchange.ply import load_ply
 
 from breastscan.errors import ConfigError, PlanningError
-from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
+from breastscan.run.columns import PATH, names
+from breastscan.run.trajectory import LOG_FILE, Trajectory
 
 REQUIRED_FILES = (
     "metrics.json",
@@ -122,13 +123,14 @@ def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
         table = polars.read_csv(source)
     except polars.exceptions.PolarsError as error:
         raise ConfigError(f"{source} is not a CSV file ({error})", source) from error
-    missing = [name for name in PATH_COLUMNS if name not in table.columns]
+    needed = names(PATH)
+    missing = [name for name in needed if name not in table.columns]
     if missing:
         raise ConfigError(
-            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(PATH_COLUMNS)}",
+            f"{source} lacks the columns {', '.join(missing)}: expected {', '.join(needed)}",
             source,
         )
-    values = table.select(polars.col(PATH_COLUMNS).cast(polars.Float64, strict=False)).to_numpy()
+    values = table.select(polars.col(needed).cast(polars.Float64, strict=False)).to_numpy()
     points_B, normals_B = np.hsplit(values, 2)
     lengths = np.linalg.norm(normals_B, axis=1)
     bad = ~(np.isfinite(values).all(axis=1) & (np.abs(lengths - 1.0) < UNIT_TOLERANCE))

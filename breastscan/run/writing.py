@@ -18,8 +18,9 @@ from jaxtyping import Float, Float32
 from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
-from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
+from breastscan.run.columns import PATH, names
 from breastscan.run.provenance import provenance
+from breastscan.run.trajectory import LOG_FILE, Trajectory
 
 INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
 """A list of numbers as `json` indents it; text in a string holds no line break."""
@@ -115,7 +116,7 @@ def write_path(
     path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
 ) -> None:
     """Write the path's points [m] and unit normals in B as CSV."""
-    columns = dict(zip(PATH_COLUMNS, np.hstack([points_B, normals_B]).T, strict=True))
+    columns = dict(zip(names(PATH), np.hstack([points_B, normals_B]).T, strict=True))
     pl.DataFrame(columns).write_csv(path, float_precision=7)
 
 

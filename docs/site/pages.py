@@ -14,6 +14,9 @@ PACKAGES = ("breastscan", "sim")
 API = "api"
 INDEX = f"{API}/index.md"
 STABLE = {
+    "breastscan.scan": ["scan", "ScanConfig", "ScanResult"],
+    "breastscan.cell": ["Cell"],
+    "breastscan.run.trajectory": ["Trajectory"],
     "breastscan.vision.stereo": ["disparity_map", "StereoConfig"],
     "breastscan.vision.camera": ["StereoRig"],
     "breastscan.vision.board": ["Board", "find_corners"],
@@ -21,6 +24,7 @@ STABLE = {
     "breastscan.geometry.kinematics": ["forward", "inverse", "jacobian"],
     "breastscan.planning.feedrate": ["interpolate", "FeedrateLimits"],
     "breastscan.robot.interface": ["Robot"],
+    "sim.twin": ["Twin"],
     "sim.scene": ["SceneConfig"],
     "sim.robot": ["SimRobot"],
     "sim.truth": ["Truth"],
@@ -51,7 +55,11 @@ def public_names(path: Path) -> list[str]:
             names.append(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
-            names += [part.id for part in ast.walk(target) if isinstance(part, ast.Name)]
+            names += [
+                part.id
+                for part in ast.walk(target)
+                if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+            ]
     return [name for name in names if not name.startswith("_")]
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float, UInt8
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
-from breastscan.run.columns import Trajectory
+from breastscan.run.trajectory import Trajectory
 from sim.cameras.picture import Picture
 from sim.scene import Scene
 from sim.tissue.contact import Mechanics

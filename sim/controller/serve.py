@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import polars as pl
-
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from sim.controller.config import ControllerConfig
@@ -22,7 +20,6 @@ from sim.controller.urscript.syntax import make_ready
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.tissue.mechanics import build_mechanics
-from sim.truth_log import TruthLog
 
 LINK_TRANSPORT = PERIOD
 """Part of the servo's transport that a link brings along by itself [s]: a target waits for the
@@ -72,7 +69,7 @@ def serve(
         server.serve(ended)
     if out is not None:
         with writing.staged(out) as folder:
-            truth_table(robot.truth_log()).write_parquet(folder / "truth.parquet")
+            robot.truth_log().save(folder / "truth.parquet")
         tell(f"The truth: {out / 'truth.parquet'}")
 
 
@@ -108,21 +105,6 @@ def _compile(robot: SimRobot) -> None:
     arm.jacobian(q)
     arm.step(q, X_BF)
     arm.inverse(X_BF)
-
-
-def truth_table(truth: TruthLog) -> pl.DataFrame:
-    """The truth as a table: the robot's time [s], joints [rad], force along the probe [N], depth
-    [m], pose in S.
-    """
-    return pl.DataFrame(
-        {
-            "t": truth.time,
-            "q": truth.q,
-            "true_force": truth.force_axial,
-            "true_depth": truth.depth,
-            "X_SP": truth.X_SP.reshape(-1, 16),
-        }
-    )
 
 
 @contextmanager

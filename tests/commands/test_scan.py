@@ -13,7 +13,6 @@ import tempfile
 import time
 
 import numpy as np
-import polars as pl
 import pytest
 import tyro
 
@@ -23,6 +22,7 @@ from breastscan.commands.results import kept_elsewhere
 from breastscan.commands.scan import scan
 from breastscan.errors import CalibrationError, ConfigError, PerceptionError, PlanningError
 from breastscan.robot.interface import Robot
+from breastscan.run.trajectory import Trajectory
 from breastscan.scan import PerceptionConfig, ScanConfig, Stages, perceive
 from breastscan.vision.camera import StereoRig
 from sim.arm.servo import ServoConfig
@@ -59,7 +59,7 @@ def metrics(folder):
 
 @pytest.fixture(scope="module")
 def trajectory(folder):
-    return pl.read_parquet(folder / "trajectory.parquet")
+    return Trajectory.load(folder / "trajectory.parquet")
 
 
 def test_the_folder_is_complete_and_holds_nothing_else(folder):
@@ -91,35 +91,33 @@ def test_the_skin_is_seen_densely_and_the_probe_never_leaves_it(metrics):
 
 
 def test_the_log_runs_at_500_hz_without_a_gap(trajectory):
-    np.testing.assert_allclose(np.diff(trajectory["t"].to_numpy()), 0.002, atol=1e-9)
+    np.testing.assert_allclose(np.diff(trajectory.t), 0.002, atol=1e-9)
 
 
 def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
-    loop = trajectory.filter(pl.col("phase") == "loop")
-    q, target, q_plan = (loop[name].to_numpy() for name in ("q", "target", "q_plan"))
+    loop = trajectory.take(np.flatnonzero(trajectory.in_loop))
     late = round(ServoConfig().servo.lag / 0.002)
-    assert np.abs(q - target).max() > 0.0
+    assert np.abs(loop.q - loop.target).max() > 0.0
     # the arm trails its targets by the servo's lag
-    assert np.abs(q[late:] - target[:-late]).max() < 0.001
+    assert np.abs(loop.q[late:] - loop.target[:-late]).max() < 0.001
     # the force controller moved the targets by the indentation
-    assert np.abs(target - q_plan).max() > 0.005
-    numeric = np.gradient(q, 0.002, axis=0)
-    assert np.abs(numeric - loop["qd"].to_numpy())[2:-2].max() < 0.02
+    assert np.abs(loop.target - loop.q_plan).max() > 0.005
+    numeric = np.gradient(loop.q, 0.002, axis=0)
+    assert np.abs(numeric - loop.qd)[2:-2].max() < 0.02
 
 
 def test_the_loop_is_closed_and_lies_around_the_breast(trajectory):
-    loop = trajectory.filter(pl.col("phase") == "loop")
-    tip = loop["X_BP_plan"].to_numpy().reshape(-1, 4, 4)[:, :3, 3]
+    tip = trajectory.X_BP_plan[trajectory.in_loop, :3, 3]
     np.testing.assert_allclose(tip[0], tip[-1], atol=1e-6)
-    assert 0.3 < loop["s"][-1] < 0.5
+    assert 0.3 < trajectory.s[trajectory.in_loop][-1] < 0.5
     assert np.ptp(tip[:, 2]) < 1e-3
 
 
 def test_true_and_measured_force_agree_within_the_sensors_gain_and_noise(trajectory):
-    loop = trajectory.filter(pl.col("phase") == "loop")
-    error = -loop["wrench"].to_numpy()[:, 2] - loop["true_force"].to_numpy()
+    loop = trajectory.take(np.flatnonzero(trajectory.in_loop))
+    error = loop.pressing_force - loop.true_force
     sensor = WRENCH_CLASSES["industrial"]
-    drifted = sensor.drift * (loop["t"][-1] - trajectory["t"][0])
+    drifted = sensor.drift * (loop.t[-1] - trajectory.t[0])
     assert abs(error.mean()) < 2 * sensor.gain_error * 5.0 + drifted
     assert error.std() < 0.08
 
@@ -149,26 +147,21 @@ def test_the_settings_of_a_run_are_those_of_a_scan_that_is_given_its_config(fold
 
 
 def test_what_was_measured_is_kept_elsewhere_when_its_folder_cannot_be_written(
-    folder, tmp_path, monkeypatch
+    tmp_path, monkeypatch
 ):
-    """A disk that is full after two megabytes."""
-    metrics = json.loads((folder / "metrics.json").read_text())
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.setattr(tempfile, "mkdtemp", lambda **_: str(elsewhere))
 
-    class Result:
-        def save(self, place):
-            (place / "trajectory.parquet").write_text("all of it")
+    def save(place):
+        (place / "trajectory.parquet").write_text("all of it")
 
     with (
         pytest.raises(ConfigError, match=r"No space left on device\): what was measured is in"),
-        kept_elsewhere(tmp_path / "out", Result(), {"seed": 0}, metrics),
+        kept_elsewhere(tmp_path / "out", save),
     ):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert (elsewhere / "trajectory.parquet").read_text() == "all of it"
-    assert json.loads((elsewhere / "metrics.json").read_text()) == metrics
-    assert json.loads((elsewhere / "config.json").read_text())["seed"] == 0
 
 
 def test_the_twin_keeps_the_protocols():

@@ -49,6 +49,16 @@ def test_the_rotation_vector_comes_back(r):
     )
 
 
+def test_poses_come_back_from_their_quaternions_and_unknown_ones_stay_unknown():
+    rng = np.random.default_rng(1)
+    X = se3.from_rotation_vector(3 * rng.normal(size=(50, 3)), rng.normal(size=(50, 3)))
+    X[[0, 20, 21]] = np.nan
+    q = se3.quaternion(X)
+    np.testing.assert_allclose(np.linalg.norm(q[1:20], axis=1), 1.0, atol=1e-15)
+    np.testing.assert_allclose(se3.from_quaternion(q, X[:, :3, 3]), X, rtol=0, atol=1e-12)
+    assert np.isnan(se3.quaternion(X[:1])).all()
+
+
 def test_every_function_is_batched():
     rng = np.random.default_rng(0)
     r, p = rng.normal(size=(5, 4, 3)), rng.normal(size=(5, 4, 3))

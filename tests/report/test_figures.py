@@ -11,7 +11,7 @@ from breastscan.report import (
     theme,
     time_figures,
 )
-from breastscan.run.columns import Trajectory
+from breastscan.run.trajectory import Trajectory
 from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
 
 

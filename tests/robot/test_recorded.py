@@ -12,7 +12,7 @@ from breastscan.errors import ConfigError, RobotError
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
 from breastscan.robot.recorded import READ, RecordedRobot
-from breastscan.run.columns import Sample
+from breastscan.run.trajectory import Sample
 from sim.robot import SimRobot
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
@@ -81,7 +81,7 @@ class TestRecordedRobot(RobotContract):
     def test_a_number_that_is_none_is_named(self, recording, name):
         values = getattr(recording, name).copy()
         values[3] = np.nan
-        with pytest.raises(ConfigError, match=f"column {name.removesuffix('_P')} .* not finite"):
+        with pytest.raises(ConfigError, match=f"{name} of the recording .* not finite"):
             RecordedRobot(dataclasses.replace(recording, **{name: values}))
 
     def test_an_arm_of_other_kinematics_is_noticed(self, recording):

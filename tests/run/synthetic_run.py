@@ -3,6 +3,7 @@ the report.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import polars
 import trimesh
 
 from breastscan.geometry import se3
+from breastscan.run.trajectory import Trajectory
 
 PERIOD = 0.002
 LOOP_RADIUS = 0.062
@@ -76,9 +78,8 @@ def write_run(
     _write_pictures(folder, rng)
     _write_cloud(folder / "cloud.ply", rng)
     _write_path(folder / "path.csv")
-    trajectory_table(rng, with_truth=with_truth, with_loop=with_loop).write_parquet(
-        folder / "trajectory.parquet"
-    )
+    log = synthetic_log(rng, with_truth=with_truth, with_loop=with_loop)
+    log.save(folder / "trajectory.parquet", seed=seed)
     return folder
 
 
@@ -96,9 +97,9 @@ def loop_pose(angle: np.ndarray) -> np.ndarray:
     return se3.pose(R_BP, LOOP_CENTRE_B + LOOP_RADIUS * outwards + ripple)
 
 
-def trajectory_table(
+def synthetic_log(
     rng: np.random.Generator, *, with_truth: bool = True, with_loop: bool = True
-) -> polars.DataFrame:
+) -> Trajectory:
     """The log of a scan, a row a control period."""
     phases = [(name, length) for name, length in PHASES if with_loop or name != "loop"]
     phase = np.repeat(
@@ -122,26 +123,27 @@ def trajectory_table(
     qd_plan = np.gradient(q_plan, PERIOD, axis=0) * in_loop[:, None]
 
     def planned(values: np.ndarray) -> np.ndarray:
-        return np.where(in_loop[:, None], values.reshape(len(t), -1), np.nan)
+        return np.where(in_loop.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan)
 
-    columns: dict[str, object] = {
-        "t": t,
-        "phase": phase.tolist(),
-        "s": np.where(in_loop, LOOP_RADIUS * angle, np.nan),
-        "q": q_plan + np.deg2rad(0.5),
-        "qd": qd_plan + 0.003 * rng.standard_normal((len(t), 6)),
-        "target": q_plan,
-        "q_plan": planned(q_plan),
-        "qd_plan": planned(qd_plan),
-        "X_BP": X_BP.reshape(-1, 16),
-        "X_BP_plan": planned(X_plan),
-        "wrench": wrench,
-        "contact": depth > 0,
-    }
-    if with_truth:
-        tilt = np.deg2rad(1.3 + 0.4 * np.sin(6 * angle))
-        columns |= {"true_force": force, "true_depth": np.maximum(depth, 0.0), "true_tilt": tilt}
-    return polars.DataFrame(columns)
+    log = Trajectory(
+        t=t,
+        phase=tuple(phase.tolist()),
+        s=np.where(in_loop, LOOP_RADIUS * angle, np.nan),
+        q=q_plan + np.deg2rad(0.5),
+        qd=qd_plan + 0.003 * rng.standard_normal((len(t), 6)),
+        target=q_plan,
+        q_plan=planned(q_plan),
+        qd_plan=planned(qd_plan),
+        X_BP=X_BP,
+        X_BP_plan=planned(X_plan),
+        wrench_P=wrench,
+        contact=depth > 0,
+    )
+    if not with_truth:
+        return log
+    tilt = np.deg2rad(1.3 + 0.4 * np.sin(6 * angle))
+    depth = np.maximum(depth, 0.0)
+    return replace(log, true_force=force, true_depth=depth, true_tilt=tilt)
 
 
 def _depth(phase: np.ndarray, t: np.ndarray) -> np.ndarray:

@@ -1,105 +1,56 @@
-"""Errors along the path, read from a log whose errors are known."""
+"""docs/data.md says what a run's files hold, and the code agrees."""
 
-from itertools import pairwise
+import re
+from pathlib import Path
 
-import numpy as np
-import polars
 import pytest
 
-from breastscan.errors import ConfigError
-from breastscan.run.columns import Trajectory
-from tests.run.synthetic_run import INDENTATION, PERIOD, SLIP, trajectory_table, write_run
+from breastscan.report.catalogue import CATALOGUE
+from breastscan.run.columns import FRAMES, LOG, PATH, TRUTH, markdown, names
+from breastscan.run.reading import REQUIRED_FILES
+from breastscan.run.trajectory import Trajectory
+
+PAGE = (Path(__file__).parents[2] / "docs" / "data.md").read_text(encoding="utf-8")
 
 
-def test_the_error_along_the_normal_is_the_indentation_and_deeper_is_negative(run):
-    assert run.trajectory.normal_errors_mm().mean() == pytest.approx(-1e3 * INDENTATION, abs=0.1)
+@pytest.mark.parametrize("columns", [LOG, PATH, TRUTH], ids=["log", "path", "truth"])
+def test_the_page_holds_the_table_of_columns(columns):
+    assert markdown(columns) in PAGE, "renew docs/data.md by `python -m breastscan.run.columns`"
 
 
-def test_the_error_across_the_normal_holds_no_indentation(run):
-    tangential_mm = run.trajectory.tangential_errors_mm()
-    assert 0 < tangential_mm.max() <= 1e3 * SLIP * np.sqrt(3)
+def test_every_field_of_the_log_has_its_columns():
+    assert tuple(LOG) == tuple(Trajectory.__dataclass_fields__)
+    assert len(set(names(LOG))) == len(names(LOG))
 
 
-def test_normal_and_tangential_parts_make_up_the_whole_error(run):
-    whole = np.linalg.norm(run.trajectory.path_errors_mm(), axis=1)
-    parts = np.hypot(run.trajectory.normal_errors_mm(), run.trajectory.tangential_errors_mm())
-    np.testing.assert_allclose(parts, whole, rtol=1e-9)
+@pytest.mark.parametrize(
+    "column", [c for table in (LOG, PATH, TRUTH) for g in table.values() for c in g]
+)
+def test_a_columns_unit_stands_in_its_name_and_its_frame_in_the_list(column):
+    suffix = {
+        "": "",
+        "m": "_m",
+        "s": "_s",
+        "rad": "_rad",
+        "rad/s": "_rad_s",
+        "N": "_n",
+        "N m": "_nm",
+    }
+    assert column.name.endswith(suffix[column.unit])
+    assert column.frame in ("", *FRAMES)
 
 
-def test_errors_are_taken_over_the_loop_only(run):
-    errors_mm = run.trajectory.path_errors_mm()
-    assert np.isfinite(errors_mm).all()
-    assert len(errors_mm) == run.trajectory.phase.count("loop")
+def test_the_page_lists_every_metric_and_no_other():
+    section = PAGE.split("## metrics.json")[1].split("\n## ")[0]
+    keys = [
+        key
+        for line in section.splitlines()
+        if line.startswith("| `")
+        for key in re.findall(r"`(\w+)`", line.split("|")[1])
+    ]
+    assert sorted(keys) == sorted(metric.key for metric in CATALOGUE)
 
 
-def test_phases_follow_each_other_without_a_gap(run):
-    spans = run.trajectory.spans()
-    assert [span.phase for span in spans] == ["approach", "settle", "loop", "retreat"]
-    assert all(before.end == after.start for before, after in pairwise(spans))
-    loop = spans[2]
-    assert loop.end - loop.start == pytest.approx(16.0, abs=2 * PERIOD)
-
-
-def test_a_pressing_probe_has_a_positive_force(run):
-    assert np.median(run.trajectory.pressing_force[run.trajectory.in_loop]) == pytest.approx(
-        5.0, abs=0.1
-    )
-
-
-def test_time_counts_from_the_beginning_of_the_log(tmp_path):
-    table = trajectory_table(np.random.default_rng(0)).with_columns(polars.col("t") + 86400.0)
-    table.write_parquet(tmp_path / "log.parquet")
-    time = Trajectory.load(tmp_path / "log.parquet").elapsed
-    assert time[0] == 0.0
-    assert time[1] == pytest.approx(PERIOD, abs=1e-9)
-
-
-def test_a_log_from_hardware_has_no_truth(tmp_path):
-    trajectory = Trajectory.load(write_run(tmp_path, with_truth=False) / "trajectory.parquet")
-    assert trajectory.true_force is None
-    assert trajectory.true_depth is None
-    assert trajectory.true_tilt is None
-
-
-def test_a_log_without_a_column_is_refused_by_the_columns_name(tmp_path):
-    trajectory_table(np.random.default_rng(0)).drop("qd").write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="lacks the columns qd"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
-def test_an_empty_log_is_refused(tmp_path):
-    trajectory_table(np.random.default_rng(0)).clear().write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="holds no sample"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
-def test_a_column_of_the_wrong_width_is_refused(tmp_path):
-    table = trajectory_table(np.random.default_rng(0))
-    table.with_columns(q=table["t"]).write_parquet(tmp_path / "log.parquet")
-    with pytest.raises(ConfigError, match="column q"):
-        Trajectory.load(tmp_path / "log.parquet")
-
-
-@pytest.mark.parametrize("with_truth", [True, False])
-def test_a_log_is_read_back_as_it_was_saved(tmp_path, with_truth):
-    trajectory_table(np.random.default_rng(0), with_truth=with_truth).write_parquet(
-        tmp_path / "first.parquet"
-    )
-    first = Trajectory.load(tmp_path / "first.parquet")
-    first.save(tmp_path / "second.parquet")
-    first_table, second_table = (
-        polars.read_parquet(tmp_path / f"{name}.parquet") for name in ("first", "second")
-    )
-    assert first_table.columns == second_table.columns
-    for name, values in vars(Trajectory.load(tmp_path / "second.parquet")).items():
-        np.testing.assert_array_equal(values, getattr(first, name))
-
-
-def test_a_loop_between_its_samples_is_linear_and_at_them_itself(run):
-    loop = run.trajectory.take(np.flatnonzero(run.trajectory.in_loop))
-    np.testing.assert_allclose(loop.between(loop.s).X_BP, loop.X_BP, atol=1e-12)
-    half_way = (loop.s[:-1] + loop.s[1:]) / 2
-    between = loop.between(half_way)
-    np.testing.assert_allclose(between.q, (loop.q[:-1] + loop.q[1:]) / 2, atol=1e-12)
-    np.testing.assert_allclose(between.s, half_way)
-    assert set(between.phase) == {"loop"}
+@pytest.mark.parametrize("file", [*REQUIRED_FILES, "cell.json", "report.html", "scan.mp4"])
+def test_the_page_lists_every_file(file):
+    assert f"`{file}`" in PAGE

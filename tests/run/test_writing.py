@@ -13,8 +13,8 @@ import trimesh
 
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.run import writing
-from breastscan.run.columns import Trajectory
-from tests.run.synthetic_run import trajectory_table
+from breastscan.run.trajectory import LOG_FILE, Trajectory
+from tests.run.synthetic_run import synthetic_log
 
 
 def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
@@ -90,16 +90,14 @@ def test_what_a_cut_off_scan_measured_lies_beside_earlier_results_until_the_next
 ):
     with writing.staged(tmp_path) as folder:
         (folder / "metrics.json").write_text("first")
-    trajectory_table(np.random.default_rng(0)).write_parquet(tmp_path / "log.parquet")
-    whole = Trajectory.load(tmp_path / "log.parquet")
+    whole = synthetic_log(np.random.default_rng(0))
     trajectory = replace(whole, s=np.where(whole.s > 0.012, np.nan, whole.s))
     folder = writing.write_aborted(
         tmp_path, trajectory, SafetyError("contact force 10.2 N is above the limit", 10.2)
     )
     told = json.loads((folder / "abort.json").read_text())
     assert (tmp_path / "metrics.json").read_text() == "first"
-    for name, values in vars(Trajectory.load(folder / "trajectory.parquet")).items():
-        np.testing.assert_array_equal(values, getattr(trajectory, name))
+    np.testing.assert_array_equal(Trajectory.load(folder / LOG_FILE).s, trajectory.s)
     assert told["error"] == "SafetyError"
     assert told["message"] == "contact force 10.2 N is above the limit"
     assert told["path_reached_m"] == np.nanmax(trajectory.s)

@@ -1,0 +1,51 @@
+"""The scan of `scan_the_twin.py` with a UR5e on the network, in the air: robot and cell are others,
+the rest is the same. Before this, read docs/hardware.md; `breastscan twin` in another terminal
+takes the robot's place.
+"""
+
+import sys
+from contextlib import closing
+from pathlib import Path
+
+from breastscan import Cell, ScanConfig, scan
+from breastscan.camera.choice import open_camera
+from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.pattern import PatternConfig
+from breastscan.robot.ur import preflight
+from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
+from breastscan.scan import PlanningConfig
+from sim import Clearance
+
+SHORT_LOOP = ScanConfig(
+    planning=PlanningConfig(
+        pattern=PatternConfig(height_fraction=0.85), joints=JointPathConfig(floor=0.25)
+    )
+)
+
+
+def main(host: str) -> None:
+    """Look, plan, travel."""
+    cell = Cell.load(Path("out/scan/cell.json"))
+    link = RtdeConfig(
+        host=host,
+        X_FP=cell.X_FP,
+        payload=cell.payload,
+        limits=cell.link,
+        kinematics=cell.kinematics,
+    )
+    print(f"software {preflight.examine(host).version}")
+    with closing(RtdeRobot(link)) as robot:
+        preflight.require_full_speed(robot)
+        clearances = Clearance(cell, with_chest=False)
+        camera = open_camera("folder:out/scan")
+        result = scan(robot, camera, cell, SHORT_LOOP, clearances=clearances, in_air=True)
+
+    length_mm, log = 1e3 * result.plan.feed.s[-1], result.trajectory
+    print(f"{length_mm:.0f} mm in the air, {log.elapsed[-1]:.1f} s")
+    print(
+        f"highest force {log.pressing_force.max():.2f} N, without contact: {not log.contact.any()}"
+    )
+
+
+if __name__ == "__main__":  # the link lives in a process of its own, which imports this file again
+    main(sys.argv[1] if len(sys.argv) > 1 else "127.0.0.1")

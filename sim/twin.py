@@ -1,0 +1,121 @@
+"""The twin's cell as one value: robot, cameras and phantom, to scan or to drive by hand, and what a
+scan of it got wrong.
+"""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Self
+
+from breastscan.cell import Cell
+from breastscan.geometry import se3
+from breastscan.scan import ScanResult, Stages
+from breastscan.vision.camera import StereoRig
+from sim import error_analysis
+from sim.cameras.camera import SimStereoCamera
+from sim.rig_errors import rig_errors
+from sim.robot import SimRobot
+from sim.room.cell import cell_of
+from sim.room.clearance import Clearance
+from sim.scene import Scene, SceneConfig
+from sim.tissue.mechanics import build_mechanics
+from sim.truth import Truth
+
+
+class Twin:
+    """Everything that `breastscan.scan` takes, simulated, and the truth about it.
+
+    A scan gets `robot`, `camera`, `cell` and `clearances`, and knows nothing else of it;
+    `robot.servo_joint` and `robot.state` drive the arm period by period. At the end `close` gives
+    the graphics memory back, as does leaving a `with` block.
+    """
+
+    def __init__(
+        self,
+        config: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
+        *,
+        seed: int = 0,
+        rig: StereoRig | None = None,
+        stages: Stages | None = None,
+    ) -> None:
+        """Set the cell up; the first time, the tissue's finite elements take a while.
+
+        Args:
+            config: The world.
+            seed: Of everything in it that is drawn and has no seed of its own.
+            rig: What a scan takes the cameras for, for instance an estimated rig, instead of the
+                true one. Its errors are part of the surface's: points are compared in the robot's
+                base.
+            stages: Takes the wall times and hears of the progress.
+
+        Raises:
+            ConfigError: The seed is negative, or the phantom cannot be or cannot be seen.
+            CalibrationError: The rig's file cannot be used, or `rig` has no place in the base.
+        """
+        self._stages = stages or Stages()
+        with self._stages.stage("tissue") as report_share:
+            self.scene = Scene(config.seeded(seed))
+            self.tissue = build_mechanics(self.scene.phantom, lambda share, _: report_share(share))
+        self.robot = SimRobot(self.scene, self.tissue)
+        cell = cell_of(self.scene)
+        self.cell: Cell = cell if rig is None else replace(cell, rig=rig)
+
+    @cached_property
+    def camera(self) -> SimStereoCamera:
+        """The two cameras, set up when first asked for.
+
+        Raises:
+            ConfigError: No OpenGL is usable.
+        """
+        with self._stages.stage("cameras"):
+            return SimStereoCamera(self.scene, self.robot)
+
+    @cached_property
+    def clearances(self) -> Clearance:
+        """The arm's distance from itself and the cell's shapes; where the chest lies is for a scan
+        to find out.
+        """
+        return Clearance(self.cell, with_chest=False)
+
+    @cached_property
+    def truth(self) -> Truth:
+        """What is known exactly of the phantom."""
+        return Truth(self.scene.phantom, self.tissue)
+
+    def measured(self, result: ScanResult) -> ScanResult:
+        """A scan of this twin, held against the truth: the true contact in its trajectory, every
+        error in its metrics.
+
+        The tissue is pressed again where the probe was, and then rests.
+        """
+        log, went = self.robot.truth_log(), result.trajectory
+        places = None
+        if went.has_loop:  # else it was in the air
+            places = error_analysis.contact_places(went, log, self.tissue, self.truth)
+        trajectory = error_analysis.with_truth(went, log, places)
+        metrics = self._perception_metrics(result) | result.metrics
+        if places is not None:
+            metrics |= error_analysis.execution_metrics(places, self.scene.X_BS, self.truth)
+            metrics |= error_analysis.force_metrics(trajectory, result.config.contact.force)
+        return replace(result, trajectory=trajectory, metrics=metrics)
+
+    def _perception_metrics(self, result: ScanResult) -> dict[str, Any]:
+        """Surface, rig and path of a scan."""
+        rig, scene = result.cell.rig, self.scene
+        assert rig.X_BL is not None, "a cell's rig has its place in the base"
+        X_BS = scene.X_BS_at(result.images.time)
+        X_SL = se3.inverse(X_BS) @ rig.X_BL
+        surface = error_analysis.surface_metrics(result.reconstruction, rig, X_SL, self.truth)
+        calibration = {} if rig is scene.rig else rig_errors(rig, scene.rig)
+        path = error_analysis.path_metrics(result.plan.path, X_BS, self.truth)
+        return surface | calibration | path
+
+    def close(self) -> None:
+        """Give the cameras' graphics memory back."""
+        if "camera" in vars(self):
+            self.camera.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
