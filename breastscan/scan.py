@@ -31,9 +31,10 @@ from breastscan.planning.pattern import Path as SkinPath
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.interface import Robot
 from breastscan.run.columns import LOG_FILE, Sample, Trajectory
-from breastscan.run.writing import disparity_picture, write_cloud, write_image, write_path
+from breastscan.run.writing import write_cloud, write_image, write_path
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
+from breastscan.vision.disparity_picture import disparity_picture
 from breastscan.vision.matching import pair_check
 from breastscan.vision.refine import RefineConfig
 from breastscan.vision.refining.photometric import FitConfig

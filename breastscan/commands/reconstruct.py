@@ -23,6 +23,7 @@ from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
 from breastscan.scan import ScanConfig, Stages
 from breastscan.vision.camera import RectifiedPair, StereoRig
+from breastscan.vision.disparity_picture import disparity_picture
 from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
@@ -91,7 +92,7 @@ def reconstruct(
         except NoBreastError:
             scan.check_order(images, matched, cameras, settings)
             view = _whole_view(pair, matched, settings)
-        writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
+        writing.write_image(folder / "disparity.png", disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
     what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"

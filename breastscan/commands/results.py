@@ -1,5 +1,6 @@
 """What the commands that scan leave behind and say at the end."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ def write_report(folder: Path, metrics: dict[str, Any], stages: Stages) -> None:
 
 
 def summarise(out: Path, metrics: dict[str, Any]) -> None:
-    """The metrics in short, and where the page lies."""
-    console.print(report.summary(metrics))
+    """The metrics in short, each beside its bar, what the run was made with, and where the page
+    lies.
+    """
+    settings = json.loads((out / "config.json").read_text(encoding="utf-8"))
+    console.print(report.summary(metrics, settings))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)

@@ -54,12 +54,15 @@ def figure(
         template="none",
         scene={f"{name}axis": {**axis, "title": {"text": f"{name} in B [mm]"}} for name in "xyz"},
         scene_aspectmode="data",
-        scene_camera_eye={"x": -1.4, "y": -1.4, "z": 1.2},
+        scene_camera={
+            "eye": {"x": -1.5, "y": -1.5, "z": 1.2},
+            "center": {"x": 0, "y": 0, "z": -0.15},
+        },
         paper_bgcolor="rgba(0,0,0,0)",
         font={"color": READABLE_ON_BOTH, "family": "system-ui, sans-serif"},
         modebar={"bgcolor": "rgba(0,0,0,0)", "color": READABLE_ON_BOTH, "activecolor": LOOP_BLUE},
-        legend={"orientation": "h", "y": 1.02, "itemsizing": "constant"},
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        legend={"orientation": "h", "y": 0, "yanchor": "top", "itemsizing": "constant"},
+        margin={"l": 0, "r": 0, "t": 32, "b": 48},
     )
     return view
 
