@@ -9,6 +9,7 @@ well, so that no reader depends on colour.
 
 import io
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -61,6 +63,11 @@ class Look:
     def line(self) -> dict[str, Any]:
         """As a line, for `plot`."""
         return {"color": self.color, "linestyle": self.linestyle}
+
+    @property
+    def band(self) -> dict[str, Any]:
+        """As a pale band under its line: what the line is held against."""
+        return {"color": self.color, "linestyle": "-", "linewidth": 3.5, "alpha": 0.25}
 
     @property
     def dots(self) -> dict[str, Any]:
@@ -132,6 +139,34 @@ def legend_above(axis: Axes) -> None:
         frameon=False,
         labelcolor=INK,
         fontsize=8.5,
+    )
+
+
+def legend_below(figure: Figure, lines: Sequence[Artist], columns: int) -> None:
+    """A legend under a whole figure."""
+    figure.legend(
+        handles=lines,
+        loc="outside lower center",
+        ncols=columns,
+        frameon=False,
+        labelcolor=INK,
+        fontsize=8.5,
+        handlelength=2.8,
+    )
+
+
+def legend_under(axis: Axes, columns: int, title: str | None = None) -> None:
+    """A legend under the axes, below their label."""
+    axis.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.18),
+        ncols=columns,
+        frameon=False,
+        labelcolor=INK,
+        fontsize=8.5,
+        title=title,
+        title_fontsize=8.5,
+        handlelength=2.8,
     )
 
 

@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 Sense = Literal["at most", "at least"]
 
-SCAN = "breastscan scan"
-CALIBRATE = "breastscan calibrate --twin"
-HANDEYE = "breastscan handeye --twin"
-ESTIMATED = "breastscan scan --rig"
+SCAN = "breastscan scan --seed N"
+CALIBRATE = "breastscan calibrate --twin --seed N --out rig"
+HANDEYE = "breastscan handeye --twin --seed N --rig rig/rig.yaml --out cell"
+ESTIMATED = "breastscan scan --seed N --rig cell/rig.yaml"
+"""A scan that sees with the rig that the two commands before it found."""
 
 README = "README.md, Results"
 TWIN = "docs/twin.md, The tissue: validated to 8 mm"

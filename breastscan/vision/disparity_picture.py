@@ -16,7 +16,7 @@ INK = (235, 235, 235)
 FONT = cv2.FONT_HERSHEY_DUPLEX
 FONT_HEIGHT_PX = 22.0
 """Of a letter of `FONT` at scale 1."""
-STROKE = 0.1
+STROKE = 0.07
 """Of a letter's height."""
 
 Picture = UInt8[np.ndarray, "h w 3"]
