@@ -111,7 +111,11 @@ def _slides(
             wavelength_mm[1:], amplitude[1:], color=look.color, linewidth=1.0, label=name
         )
     spectrum.axvline(
-        1e3 * LONGEST_RIPPLE, color=theme.INK, linewidth=1.2, linestyle=":", label="ripple: below"
+        1e3 * LONGEST_RIPPLE,
+        color=theme.INK,
+        linewidth=1.2,
+        linestyle=":",
+        label="ripple: right of this",
     )
     spectrum.set(
         xlabel="wavelength [mm]", ylabel="force, RMS of a line [N]", xlim=(400, 0.6), ylim=(1e-6, 1)

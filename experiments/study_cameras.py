@@ -98,21 +98,21 @@ def _draw_errors(path: Path, scene: Scene, seed: int) -> dict[str, float]:
     read_noise = np.sqrt(max(foot, 0.0)) / slope
     figure, ((transfer, shading, contrast),) = theme.panels(1, 3, height_in=3.6)
     ideal_look, realistic_look = theme.FAMILY[:2]
-    transfer.plot(mean, variance, **ideal_look.dots, label="measured")
+    transfer.plot(mean, variance, **ideal_look.dots, label="flat fields")
     transfer.plot(
         mean,
         slope * mean + foot + 1 / 12,
         **realistic_look.line,
-        label=f"slope {slope * FULL_WELL / WHITE:.3f} of the set one",
+        label=f"their slope, {slope * FULL_WELL / WHITE:.3f} of the set one",
     )
     transfer.set(xlabel="mean [grey levels]", ylabel="variance [grey levels²]")
     theme.title(transfer, "Photon transfer")
     _draw_shading(shading, scene)
     frequency, ideal, realistic = _contrasts(scene)
     gaussian = np.exp(-2 * (np.pi * CAMERA_CLASSES["realistic"].blur_px * frequency) ** 2)
-    contrast.plot(frequency, ideal * gaussian, **realistic_look.band, label="as set")
-    contrast.plot(frequency, ideal, **ideal_look.line, label="ideal")
-    contrast.plot(frequency, realistic, **realistic_look.line, label="realistic")
+    contrast.plot(frequency, ideal * gaussian, **realistic_look.band, label="contrast as set")
+    contrast.plot(frequency, ideal, **ideal_look.line, label="ideal lens")
+    contrast.plot(frequency, realistic, **realistic_look.line, label="realistic lens")
     contrast.set(
         xlabel="frequency [line pairs a pixel]",
         ylabel="contrast [-]",
@@ -120,8 +120,7 @@ def _draw_errors(path: Path, scene: Scene, seed: int) -> dict[str, float]:
         ylim=(0, 1.05),
     )
     theme.title(contrast, "Slanted edge")
-    theme.legend_under(transfer, 2)
-    theme.legend_under(contrast, 3)
+    theme.legend_below(figure, [*transfer.get_lines(), *contrast.get_lines()], 5)
     theme.write_png(figure, path)
     half = float(np.interp(-0.5, -realistic, frequency))
     return {

@@ -22,12 +22,10 @@ LINES = 12
 """Horizontal lines drawn across a pair."""
 ZOOM = 2.2
 """Side of the shown part of a picture, over the extent of its corners."""
-FIRST_CORNER = "#f0e442"
-"""Okabe and Ito's yellow: seen on black, on grey and on white with its dark edge."""
 AXIS_LENGTH = 0.06
 """Of the drawn frames [m]."""
-AXIS_LOOKS = theme.FAMILY[3], theme.FAMILY[2], theme.FAMILY[0]
-"""Of the x, y and z axes of the drawn frames: near red, green and blue."""
+AXIS_COLOURS = {"x": theme.TRUTH, "y": theme.ACCENT, "z": theme.MEASURED}
+"""Of the drawn frames: near red, green and blue."""
 TICKS = 5
 """At most, along an axis of a view in three dimensions."""
 VIEW_ZOOM = 1.15
@@ -53,7 +51,7 @@ def corners(
         _show(axis, picture, name)
         axis.plot(*found.T, color=theme.TRUTH, linewidth=1.0, marker="o", markersize=3.5)
         axis.plot(*found[0], "s", color=theme.INK, markersize=11, fillstyle="none", mew=3.5)
-        axis.plot(*found[0], "s", color=FIRST_CORNER, markersize=11, fillstyle="none", mew=1.8)
+        axis.plot(*found[0], "s", color=theme.YELLOW, markersize=11, fillstyle="none", mew=1.8)
         _zoom(axis, picture, found)
     return figure
 
@@ -121,6 +119,8 @@ def hand_eye_frames(
     figure, axis = _view()
     _draw_frame(axis, np.eye(4))
     axis.text(0.0, 0.0, -0.03, "base", color=theme.INK, ha="center", va="top")
+    for end, name in zip(1.4 * AXIS_LENGTH * np.eye(3), AXIS_COLOURS, strict=True):
+        axis.text(*end, name, color=theme.INK, ha="center", va="center")
     outline = _outline(points_Board)
     _draw_boards(axis, [se3.transform(X @ X_FBoard, outline) for X in X_BF])
     for X in X_BF:
@@ -132,8 +132,8 @@ def hand_eye_frames(
     axis.view_init(elev=18, azim=-60)
     boards, *_, cameras = axis.get_legend_handles_labels()[0]
     named = [
-        Line2D([], [], **look.line, label=f"{name} axis of base, flanges, cameras")
-        for name, look in zip("xyz", AXIS_LOOKS, strict=True)
+        Line2D([], [], color=colour, label=f"{name} axis of base, flanges, cameras")
+        for name, colour in AXIS_COLOURS.items()
     ]
     _finish(figure, axis, [boards, cameras, *named])
     return figure
@@ -204,6 +204,6 @@ def _depth_first(points_L: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]
 
 
 def _draw_frame(axis: Any, X: Float[np.ndarray, "4 4"], length: float = AXIS_LENGTH) -> None:
-    for direction, look in zip(X[:3, :3].T, AXIS_LOOKS, strict=True):
+    for direction, colour in zip(X[:3, :3].T, AXIS_COLOURS.values(), strict=True):
         ends = np.stack([X[:3, 3], X[:3, 3] + length * direction])
-        axis.plot(*ends.T, **look.line, linewidth=1.6)
+        axis.plot(*ends.T, color=colour, linewidth=1.4)

@@ -32,6 +32,17 @@ TRUTH = "#d55e00"
 PLANNED = "#475061"
 ACCENT = "#009e73"
 
+YELLOW = "#f0e442"
+"""Okabe and Ito's; seen on black, on grey, and on white with a dark edge."""
+READABLE_ON_BOTH = "#7a8494"
+"""A grey that is legible on the light and on the dark page."""
+MEASURED_ON_BOTH = "#2b87cf"
+"""The blue of what was measured, between its light and its dark variant."""
+PATH_ON_SKIN = "#56b4e9"
+"""Okabe and Ito's sky blue, which every reader tells from `SKIN`."""
+SKIN = ((0.0, "#7d5546"), (1.0, "#e9b998"))
+"""Colours of the lowest and of the highest point of a cloud: neither is taken by a line."""
+
 CSS_VARIABLES = {
     INK: "--ink",
     MUTED: "--muted",

@@ -1,5 +1,8 @@
 """Each figure draws the run's own numbers, in the unit that its axis names."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,6 +16,10 @@ from breastscan.report import (
 )
 from breastscan.run.columns import Span, Trajectory
 from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
+
+ROOT = Path(__file__).parents[2]
+FULL_COLOUR = (0, 2, 4, 6)
+"""PNG's colour types without a palette, at their place in its header."""
 
 
 @pytest.fixture(scope="session")
@@ -155,10 +162,21 @@ def test_no_two_members_of_a_family_look_alike_without_colour():
     assert len({look.marker for look in theme.FAMILY}) == len(theme.FAMILY)
 
 
+@pytest.mark.parametrize("folder", ["breastscan/report", "experiments"])
+def test_every_colour_is_named_in_one_place(folder):
+    for path in (ROOT / folder).glob("*.py"):
+        found = re.findall(r"#[0-9a-f]{6}\b|[\"']C\d[\"']", path.read_text(encoding="utf-8"))
+        assert path.name == "theme.py" or not found, f"{path} states {found}"
+
+
+@pytest.mark.parametrize("picture", sorted((ROOT / "docs/images").glob("*.png")), ids=str)
+def test_no_picture_of_the_docs_is_cut_to_a_palette(picture):
+    assert picture.read_bytes()[25] in FULL_COLOUR
+
+
 def test_figures_are_written_in_full_colour(tmp_path):
     theme.write_png(time_figures.wall_time({"plan": 1.0}), tmp_path / "bars.png")
-    header = (tmp_path / "bars.png").read_bytes()[:33]
-    assert header[25] in (2, 6), "PNG's colour types 2 and 6 have no palette"
+    assert (tmp_path / "bars.png").read_bytes()[25] in FULL_COLOUR
 
 
 def test_each_stage_has_a_bar_as_long_as_it_took():
