@@ -117,11 +117,13 @@ def _compilations(tell: Callable[[bool], None]) -> Iterator[None]:
 
         def on_start(self, event: event.Event) -> None:
             self.depth += 1
-            tell(True)
+            if self.depth == 1:
+                tell(True)
 
         def on_end(self, event: event.Event) -> None:
             self.depth -= 1
-            tell(self.depth > 0)
+            if self.depth == 0:
+                tell(False)
 
     with event.install_listener("numba:compile", Listener()):
         yield

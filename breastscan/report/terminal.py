@@ -14,7 +14,8 @@ STYLES = {catalogue.HOLDS: "green", catalogue.MISSED: "bold red"}
 
 def summary(metrics: dict[str, Any], settings: dict[str, Any]) -> Table:
     """What a run measured (the content of `metrics.json`), grouped, in plain names and units, each
-    beside its bar; and what it was made with (of `config.json`).
+    beside its bar; and what it was made with (of `config.json`). The stages' times are left to the
+    progress bars.
     """
     table = Table(
         title="Scan",
@@ -28,7 +29,8 @@ def summary(metrics: dict[str, Any], settings: dict[str, Any]) -> Table:
     table.add_column("Unit")
     table.add_column("Bar", no_wrap=True)
     table.add_column("", no_wrap=True)
-    shown = catalogue.rows(metrics, scan_bars(settings))
+    rows = catalogue.rows(metrics, scan_bars(settings))
+    shown = (row for row in rows if row.key != "wall_s")
     for group, members in groupby(shown, key=lambda row: row.group):
         table.add_row(Text(group, style="bold"))
         for row in members:
