@@ -25,8 +25,8 @@ from sim.tissue.mechanics import build_mechanics
 from sim.tissue.phantom import Phantom
 from sim.tissue.phantom_config import Mechanics, PhantomConfig, Texture
 
-TILE_PX = (180, 136)
-DRAWN_OVER_TILE = 3
+TILE_PX = (116, 88)
+DRAWN_OVER_TILE = 4
 SHEET_AZIMUTH = -2.2
 """Where on the breast the probe stands in the sheet [rad]."""
 SHEET_DEPTH = {"soft": 0.006, "printed": 0.0004, "flex": 0.006}
