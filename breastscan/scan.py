@@ -34,7 +34,6 @@ from breastscan.robot.interface import Robot
 from breastscan.run import metrics
 from breastscan.run.trajectory import LOG_FILE, Sample, Trajectory
 from breastscan.run.writing import (
-    disparity_picture,
     write_cloud,
     write_image,
     write_json,
@@ -43,6 +42,7 @@ from breastscan.run.writing import (
 )
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
+from breastscan.vision.disparity_picture import disparity_picture
 from breastscan.vision.matching import pair_check
 from breastscan.vision.refine import RefineConfig
 from breastscan.vision.refining.photometric import FitConfig

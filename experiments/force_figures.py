@@ -1,20 +1,21 @@
 """Figures of the study of force laws."""
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import scipy.signal
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from breastscan.robot.ur.ur5e import PERIOD
+from breastscan.report import theme
 from experiments.force_cell import Outcome
+from sim.arm.servo import PERIOD
+from sim.wrist.wrench_errors import Quality
 
 SHOWN = ("nominal", "breathing, sine", "10 mm nearer", "inclusion")
 """Circumstances whose forces are drawn."""
-DPI = 110
 SEGMENT = 1024
 """Samples of a segment of the spectra: 2 s."""
 SCATTERED = {
@@ -45,29 +46,26 @@ def write(folder: Path, factors: Rows, hypercube: list[Outcome]) -> dict[str, st
 
 
 def _draw_traces(path: Path, factors: Rows) -> None:
-    figure = Figure(figsize=(10, 9), layout="constrained")
-    axes = figure.subplots(len(SHOWN), 1, sharex=True)
-    for axis, name in zip(axes, SHOWN, strict=True):
-        for law, outcome in factors[name].items():
-            axis.plot(
-                1.0 + PERIOD * np.arange(len(outcome.trace)), outcome.trace, lw=0.9, label=law
-            )
-        axis.set(title=name, ylabel="force error [N]")
-        axis.grid(alpha=0.3)
-    axes[0].legend(ncols=6, fontsize=8)
-    axes[-1].set_xlabel("time since the loop began [s]")
-    figure.savefig(path, dpi=DPI)
+    figure, axes = theme.panels(len(SHOWN), 1, height_in=9.0, sharex=True)
+    for axis, name in zip(axes[:, 0], SHOWN, strict=True):
+        for look, (law, outcome) in zip(theme.FAMILY, factors[name].items(), strict=True):
+            time = 1.0 + PERIOD * np.arange(len(outcome.trace))
+            axis.plot(time, outcome.trace, **look.line, linewidth=1.0, label=law)
+        axis.set_ylabel("force error [N]")
+        theme.title(axis, name)
+    axes[-1, 0].set_xlabel("time since the loop began [s]")
+    theme.legend_below(figure, axes[0, 0].get_lines(), len(theme.FAMILY))
+    theme.write_png(figure, path)
 
 
 def _draw_factors(path: Path, factors: Rows) -> None:
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    axis = figure.subplots()
+    figure, ((axis,),) = theme.panels(1, 1, height_in=6.4)
     laws = list(next(iter(factors.values())))
     places = np.arange(len(factors))
-    for number, law in enumerate(laws):
+    for number, (look, law) in enumerate(zip(theme.FAMILY, laws, strict=True)):
         shift = 0.12 * (number - 0.5 * (len(laws) - 1))
         outcomes = [by_law[law] for by_law in factors.values()]
-        axis.plot([o.rmse for o in outcomes], places + shift, "o", ms=5, label=law)
+        axis.plot([o.rmse for o in outcomes], places + shift, **look.dots, markersize=5, label=law)
     axis.set(
         yticks=places,
         yticklabels=list(factors),
@@ -76,55 +74,48 @@ def _draw_factors(path: Path, factors: Rows) -> None:
     )
     _plain_ticks(axis.xaxis)
     axis.invert_yaxis()
-    axis.grid(alpha=0.3)
-    figure.legend(fontsize=8, loc="outside right upper")
-    figure.savefig(path, dpi=DPI)
+    theme.legend_below(figure, axis.get_lines(), len(laws))
+    theme.write_png(figure, path)
 
 
 def _draw_spectra(path: Path, factors: Rows) -> None:
-    figure = Figure(figsize=(11, 4), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    for axis, name in zip(axes, SHOWN[:2], strict=True):
-        for law, outcome in factors[name].items():
+    figure, axes = theme.panels(1, 2, height_in=4.2, sharey=True)
+    for axis, name in zip(axes[0], SHOWN[:2], strict=True):
+        for look, (law, outcome) in zip(theme.FAMILY, factors[name].items(), strict=True):
             if len(outcome.trace) >= SEGMENT:
-                _draw_spectrum(axis, law, outcome.trace)
-        axis.set(title=name, xlabel="frequency [Hz]")
-        axis.grid(alpha=0.3, which="both")
-    axes[0].set_ylabel("force error [N/√Hz]")
-    axes[0].legend(fontsize=8)
-    figure.savefig(path, dpi=DPI)
+                _draw_spectrum(axis, law, look, outcome.trace)
+        axis.set_xlabel("frequency [Hz]")
+        theme.title(axis, name)
+    axes[0, 0].set_ylabel("force error [N/√Hz]")
+    theme.legend_below(figure, axes[0, 0].get_lines(), len(theme.FAMILY))
+    theme.write_png(figure, path)
 
 
-def _draw_spectrum(axis: Axes, law: str, trace: np.ndarray) -> None:
+def _draw_spectrum(axis: Axes, law: str, look: theme.Look, trace: np.ndarray) -> None:
     frequency, density = scipy.signal.welch(trace, fs=1.0 / PERIOD, nperseg=SEGMENT)
-    axis.loglog(frequency[1:], np.sqrt(density[1:]), lw=1.0, label=law)
+    axis.loglog(frequency[1:], np.sqrt(density[1:]), **look.line, linewidth=1.0, label=law)
 
 
 def _draw_hypercube(path: Path, outcomes: list[Outcome]) -> None:
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
-    axes = figure.subplots(2, 3, sharey=True)
+    figure, axes = theme.panels(2, 3, height_in=6.2, sharey=True)
     for axis, (name, (label, scale)) in zip(axes.flat, SCATTERED.items(), strict=True):
-        for sensor in dict.fromkeys(o.cell.sensor for o in outcomes):
-            for inside, marker in ((True, "o"), (False, "x")):
+        for look, sensor in zip(theme.FAMILY, get_args(Quality), strict=False):
+            for inside, fill in ((True, "full"), (False, "none")):
                 shown = [o for o in outcomes if o.cell.sensor == sensor and o.inside == inside]
-                where = "" if inside else ", beyond 8 mm"
                 axis.plot(
                     [scale * getattr(o.cell, name) for o in shown],
                     [o.rmse for o in shown],
-                    marker,
-                    ms=4,
-                    label=f"{sensor}{where}",
-                    color={"ideal": "C0", "industrial": "C1", "ur5e_builtin": "C2"}[sensor],
+                    **look.dots,
+                    fillstyle=fill,
+                    markersize=4,
+                    label=sensor if inside else f"{sensor}, beyond 8 mm",
                 )
         axis.set(xlabel=label, yscale="log")
-        axis.grid(alpha=0.3, which="both")
     for axis in axes[:, 0]:
         axis.set_ylabel("RMS force error [N]")
         _plain_ticks(axis.yaxis)
-    figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=3
-    )
-    figure.savefig(path, dpi=DPI)
+    theme.legend_below(figure, axes[0, 0].get_lines(), 3)
+    theme.write_png(figure, path)
 
 
 def _plain_ticks(axis: Axis) -> None:

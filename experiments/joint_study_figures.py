@@ -13,11 +13,10 @@ from breastscan.report.joint_figures import JOINTS, SPEED_LIMIT_DEG_S
 from breastscan.robot.ur.ur5e import PERIOD
 from experiments.joint_walks import Walk
 
-COLOURS = ("#000000", "#e69f00", "#56b4e9", "#009e73", "#0072b2", "#d55e00")
-"""Of joints 1 to 6: Okabe and Ito's."""
 SHOWN = slice(None, None, 20)
 """Samples drawn: every 40 ms."""
-DPI = 80
+MARKED = 60
+"""Samples drawn from one marker to the next; each joint's are shifted against the last's."""
 
 
 def write(folder: Path, walks: list[Walk]) -> list[str]:
@@ -31,16 +30,16 @@ def write(folder: Path, walks: list[Walk]) -> list[str]:
         )
     figures["joint_speed_peaks"] = speed_peaks(walks)
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
+        theme.write_png(figure, folder / f"{name}.png")
         figure.savefig(folder / f"{name}.svg", facecolor="white")
     return list(figures)
 
 
 def over_time(walks: list[Walk]) -> Figure:
-    """Angle, speed and acceleration of all joints: the MuJoCo arm's in colour, the planned ones
-    dashed over them.
+    """Angle, speed and acceleration of all joints: the MuJoCo arm's as lines, the planned ones as
+    pale bands under them.
     """
-    figure, axes = theme.panels(3, len(walks), height_in=6.4, sharex=True, sharey="row")
+    figure, axes = theme.panels(3, len(walks), height_in=7.2, sharex=True, sharey="row")
     for column, walk in zip(axes.T, walks, strict=True):
         theme.title(column[0], walk.name)
         column[-1].set_xlabel("time [s]")
@@ -65,18 +64,24 @@ def over_time(walks: list[Walk]) -> Figure:
             (np.gradient(walk.qd, PERIOD, axis=0), np.gradient(qd_plan, PERIOD, axis=0)),
         )
         for axis, (went, planned) in zip(column, rows, strict=True):
-            for joint, colour in enumerate(COLOURS):
-                axis.plot(time[SHOWN], np.degrees(went[SHOWN, joint]), color=colour, linewidth=1.4,
-                          label=f"joint {JOINTS[joint]}")  # fmt: skip
-                axis.plot(time[SHOWN], np.degrees(planned[SHOWN, joint]), **theme.PLANNED_LINE)
+            for joint, look in enumerate(theme.FAMILY):
+                axis.plot(time[SHOWN], np.degrees(planned[SHOWN, joint]), **look.band)
+                axis.plot(
+                    time[SHOWN],
+                    np.degrees(went[SHOWN, joint]),
+                    **look.line,
+                    linewidth=1.1,
+                    marker=look.marker,
+                    markersize=3.5,
+                    markevery=(joint * MARKED // len(theme.FAMILY), MARKED),
+                    label=f"joint {JOINTS[joint]}",
+                )
     for axis, label in zip(
         axes[:, 0], ("angle [°]", "speed [°/s]", "acceleration [°/s²]"), strict=True
     ):
         axis.set_ylabel(label)
-    lines = next(c[0].get_lines()[::2] for c in axes.T if c[0].get_lines())
-    figure.legend(
-        handles=lines, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5
-    )
+    lines = next(c[0].get_lines()[1::2] for c in axes.T if c[0].get_lines())
+    theme.legend_below(figure, lines, len(JOINTS) // 2)
     return figure
 
 
@@ -100,7 +105,9 @@ def speed_peaks(walks: list[Walk]) -> Figure:
                 )
                 continue
             peaks = np.degrees(np.abs(walk.qd).max(axis=0))
-            axis.bar(place + 0.13 * (np.arange(6) - 2.5), peaks, width=0.12, color=COLOURS)
+            colours = [look.color for look in theme.FAMILY]
+            bars = axis.bar(place + 0.13 * (np.arange(6) - 2.5), peaks, width=0.12, color=colours)
+            axis.bar_label(bars, ["1", "2", "3", "4", "5", "6"], fontsize=6, color=theme.INK)
         axis.set_xlim(-0.5, len(of_loop) - 0.5)
         axis.set_xticks(
             range(len(of_loop)),
@@ -109,12 +116,10 @@ def speed_peaks(walks: list[Walk]) -> Figure:
         axis.tick_params(labelsize=8)
         theme.title(axis, loop)
     handles = [
-        Patch(color=colour, label=f"joint {name}")
-        for colour, name in zip(COLOURS, JOINTS, strict=True)
+        Patch(color=look.color, label=f"joint {name}")
+        for look, name in zip(theme.FAMILY, JOINTS, strict=True)
     ]
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=len(JOINTS), frameon=False, fontsize=8.5
-    )
+    theme.legend_below(figure, handles, len(JOINTS))
     axes[0, 0].set_ylabel(f"largest speed [°/s], limit {SPEED_LIMIT_DEG_S:.0f}")
     return figure
 

@@ -25,11 +25,8 @@ from sim.tissue.mechanics import build_mechanics
 from sim.tissue.phantom import Phantom
 from sim.tissue.phantom_config import Mechanics, PhantomConfig, Texture
 
-COLOURS = ("#0072b2", "#009e73", "#e69f00", "#d55e00", "#cc79a7")
-"""Of the members of a family, from Okabe and Ito's palette."""
-DPI = 100
-TILE_PX = (180, 136)
-DRAWN_OVER_TILE = 3
+TILE_PX = (116, 88)
+DRAWN_OVER_TILE = 4
 SHEET_AZIMUTH = -2.2
 """Where on the breast the probe stands in the sheet [rad]."""
 SHEET_DEPTH = {"soft": 0.006, "printed": 0.0004, "flex": 0.006}
@@ -59,74 +56,84 @@ def write(
         "twin_tissue_slides": _slides(slides, inclusions),
     }
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
+        theme.write_png(figure, folder / f"{name}.png")
     writing.write_image(folder / "twin_phantoms.png", cv2.cvtColor(_sheet(), cv2.COLOR_RGB2BGR))
     return [*figures, "twin_phantoms"]
 
 
 def _indentation(presses: dict[str, Indentation], others: dict[str, np.ndarray]) -> Figure:
-    figure, axes = theme.panels(1, 2, height_in=3.6)
+    figure, axes = theme.panels(1, 2, height_in=4.2)
     force, error = axes[0]
     depths_mm = 1e3 * DEPTHS
-    for colour, (name, press) in zip(COLOURS, presses.items(), strict=False):
-        force.plot(depths_mm, press.full, "o", color=colour, markersize=4)
-        force.plot(depths_mm, press.soft, color=colour, linewidth=1.6, label=name)
-        error.plot(depths_mm, 100 * press.error, ".-", color=colour, linewidth=1.6, label=name)
+    for look, (name, press) in zip(theme.FAMILY, presses.items(), strict=False):
+        force.plot(depths_mm, press.full, **look.dots, markersize=5, label=f"full, {name}")
+        force.plot(depths_mm, press.soft, **look.line, linewidth=1.6, label=f"soft, {name}")
+        error.plot(
+            depths_mm,
+            100 * press.error,
+            **look.line,
+            marker=look.marker,
+            markersize=4,
+            linewidth=1.6,
+            label=name,
+        )
     for (name, values), style in zip(others.items(), ("--", ":", "-."), strict=False):
         force.plot(depths_mm, values, style, color=theme.MUTED, linewidth=1.3, label=name)
     force.set(xlabel="indentation [mm]", ylabel="force along the probe [N]", ylim=(0, 10))
-    force.legend(frameon=False, fontsize=8)
+    theme.legend_under(force, 2)
     theme.title(
-        force, f"Lines: the soft phantom; dots: full elements, {1e3 * FINEST:.0f} mm, large strain"
+        force, f"Soft phantom, and full elements of {1e3 * FINEST:.0f} mm with large strain"
     )
-    for depth_mm, bar in ((5, 5), (8, 10)):
-        start = 0 if bar == 5 else 5
-        for sign in (-1, 1):
-            error.plot(
-                [start, depth_mm],
-                [sign * bar, sign * bar],
-                color=theme.MUTED,
-                linewidth=1.0,
-                linestyle=":",
+    for start, end_mm, bar in ((0, 5, 5), (5, 8, 10)):
+        for side in (-bar, bar):
+            (limit,) = error.plot(
+                [start, end_mm], [side, side], color=theme.MUTED, linewidth=1.0, linestyle=":"
             )
+    limit.set_label("allowed")
     error.set(xlabel="indentation [mm]", ylabel="error of the force [%]", ylim=(-11, 11))
-    theme.title(error, "Soft phantom over full elements; dotted: what is allowed")
+    theme.legend_under(error, 3)
+    theme.title(error, "Soft phantom over full elements")
     return figure
 
 
 def _slides(
     slides: dict[tuple[float, int], Slide], inclusions: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> Figure:
-    figure, axes = theme.panels(1, 3, height_in=3.4)
+    figure, axes = theme.panels(1, 3, height_in=4.0)
     spectrum, inclusion, breath = axes[0]
-    for colour, roll, name in zip(
-        COLOURS, (0, 90), ("array along the path", "array across it"), strict=False
+    for look, roll, name in zip(
+        theme.FAMILY, (0, 90), ("array along the path", "array across it"), strict=False
     ):
         slide = slides[0.5, roll]
         amplitude = np.abs(np.fft.rfft(slide.force)) * np.sqrt(2) / len(slide.force)
         wavelength_mm = 1e3 * slide.length / np.maximum(np.arange(len(amplitude)), 1)
-        spectrum.loglog(wavelength_mm[1:], amplitude[1:], color=colour, linewidth=1.0, label=name)
-    spectrum.axvline(1e3 * LONGEST_RIPPLE, color=theme.MUTED, linewidth=1.0, linestyle=":")
+        spectrum.loglog(
+            wavelength_mm[1:], amplitude[1:], color=look.color, linewidth=1.0, label=name
+        )
+    spectrum.axvline(
+        1e3 * LONGEST_RIPPLE,
+        color=theme.INK,
+        linewidth=1.2,
+        linestyle=":",
+        label="ripple: right of this",
+    )
     spectrum.set(
         xlabel="wavelength [mm]", ylabel="force, RMS of a line [N]", xlim=(400, 0.6), ylim=(1e-6, 1)
     )
-    spectrum.legend(frameon=False, fontsize=8)
-    theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm; right of dots: ripple")
-    for colour, (name, (azimuth_deg, force)) in zip(COLOURS, inclusions.items(), strict=False):
-        inclusion.plot(azimuth_deg, force, color=colour, linewidth=1.5, label=name)
-    inclusion.set(
-        xlabel="azimuth on the half-height loop [°]", ylabel="force [N]", ylim=(0.58, 1.05)
-    )
-    inclusion.legend(frameon=False, fontsize=8, loc="upper right")
+    theme.legend_under(spectrum, 1)
+    theme.title(spectrum, f"Slid at {1e3 * SLIDE_DEPTH:.0f} mm")
+    for look, (name, (azimuth_deg, force)) in zip(theme.FAMILY, inclusions.items(), strict=False):
+        inclusion.plot(azimuth_deg, force, **look.line, linewidth=1.5, label=name)
+    inclusion.set(xlabel="azimuth on the half-height loop [°]", ylabel="force [N]")
+    theme.legend_under(inclusion, 2)
     theme.title(inclusion, "5 mm deep over fat 5 kPa and more")
     time = np.linspace(0, 8, 400)
-    for colour, waveform in zip(COLOURS, get_args(Waveform), strict=False):
+    for look, waveform in zip(theme.FAMILY, get_args(Waveform), strict=False):
         config = BreathingConfig(amplitude=0.005, waveform=waveform)
-        breath.plot(
-            time, [1e3 * rise(config, t) for t in time], color=colour, linewidth=1.6, label=waveform
-        )
+        rises_mm = [1e3 * rise(config, t) for t in time]
+        breath.plot(time, rises_mm, **look.line, linewidth=1.6, label=waveform)
     breath.set(xlabel="time [s]", ylabel="rise of the chest [mm]")
-    breath.legend(frameon=False, fontsize=8)
+    theme.legend_under(breath, 2)
     theme.title(breath, "Breathing, amplitude 5 mm, .25 Hz")
     return figure
 

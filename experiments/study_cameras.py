@@ -8,15 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import cv2
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 
 from breastscan.geometry import se3
+from breastscan.report import theme
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
 from breastscan.scan import PerceptionConfig, Stages, perceive
@@ -44,6 +41,8 @@ CROP_PX = 160
 """Side of the patch of skin that is shown."""
 CROP_ZOOM = 3
 STILL_PX = (640, 400)
+TITLE_PX = 34
+"""Height of the strip above an image that says what it is."""
 
 
 def run(out: Path, *, seed: int) -> dict[str, float]:
@@ -95,36 +94,32 @@ def _draw_errors(path: Path, scene: Scene, seed: int) -> dict[str, float]:
     mean, variance = np.array([[flat.mean(), flat.var()] for flat in flats]).T
     slope, foot = np.polyfit(mean, variance - 1 / 12, 1)
     read_noise = np.sqrt(max(foot, 0.0)) / slope
-    figure, (transfer, shading, contrast) = plt.subplots(
-        1, 3, figsize=(12, 3.6), layout="constrained"
-    )
-    transfer.plot(mean, variance, "o", label="measured")
+    figure, ((transfer, shading, contrast),) = theme.panels(1, 3, height_in=3.6)
+    ideal_look, realistic_look = theme.FAMILY[:2]
+    transfer.plot(mean, variance, **ideal_look.dots, label="flat fields")
     transfer.plot(
         mean,
         slope * mean + foot + 1 / 12,
-        label=f"{slope * FULL_WELL / WHITE:.3f} grey levels per set one",
+        **realistic_look.line,
+        label=f"their slope, {slope * FULL_WELL / WHITE:.3f} of the set one",
     )
-    transfer.set(
-        xlabel="mean [grey levels]", ylabel="variance [grey levels²]", title="photon transfer"
-    )
+    transfer.set(xlabel="mean [grey levels]", ylabel="variance [grey levels²]")
+    theme.title(transfer, "Photon transfer")
     _draw_shading(shading, scene)
     frequency, ideal, realistic = _contrasts(scene)
-    contrast.plot(frequency, ideal, label="ideal")
-    contrast.plot(frequency, realistic, label="realistic")
     gaussian = np.exp(-2 * (np.pi * CAMERA_CLASSES["realistic"].blur_px * frequency) ** 2)
-    contrast.plot(frequency, ideal * gaussian, "k:", label="as set")
+    contrast.plot(frequency, ideal * gaussian, **realistic_look.band, label="contrast as set")
+    contrast.plot(frequency, ideal, **ideal_look.line, label="ideal lens")
+    contrast.plot(frequency, realistic, **realistic_look.line, label="realistic lens")
     contrast.set(
-        xlabel="line pairs a pixel",
-        ylabel="contrast",
-        title="slanted edge",
+        xlabel="frequency [line pairs a pixel]",
+        ylabel="contrast [-]",
         xlim=(0, 0.5),
         ylim=(0, 1.05),
     )
-    for axis in (transfer, shading, contrast):
-        axis.legend(fontsize=8)
-        axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    theme.title(contrast, "Slanted edge")
+    theme.legend_below(figure, [*transfer.get_lines(), *contrast.get_lines()], 5)
+    theme.write_png(figure, path)
     half = float(np.interp(-0.5, -realistic, frequency))
     return {
         "full_well_e": WHITE / slope,
@@ -141,8 +136,10 @@ def _draw_shading(axis: Axes, scene: Scene) -> None:
     height, width = light.shape
     along = np.linspace(0, 1, 400)
     x, y = np.rint(along * (width - 1)).astype(int), np.rint(along * (height - 1)).astype(int)
-    axis.plot(np.hypot(width, height) * (along - 0.5), light[y, x], label="corner to corner")
-    axis.set(xlabel="from the centre [px]", ylabel="light [-]", title="shading", ylim=(0, 1.05))
+    from_centre_px = np.hypot(width, height) * (along - 0.5)
+    axis.plot(from_centre_px, light[y, x], **theme.FAMILY[0].line)
+    axis.set(xlabel="from the centre [px]", ylabel="light [-]", ylim=(0, 1.05))
+    theme.title(axis, "Shading, from corner to corner")
 
 
 def _contrasts(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -204,13 +201,24 @@ def _crop(image: UInt8[np.ndarray, "h w"], title: str) -> UInt8[np.ndarray, "h2 
     large = cv2.resize(
         patch, None, fx=CROP_ZOOM, fy=CROP_ZOOM, interpolation=cv2.INTER_NEAREST
     ).astype(np.uint8)
-    cv2.putText(large, title, (12, 30), cv2.FONT_HERSHEY_DUPLEX, 0.8, (255,), 1, cv2.LINE_AA)
-    return large
+    return _titled(large, title)
+
+
+def _titled(image: np.ndarray, title: str) -> np.ndarray:
+    """An image under a white strip with its title."""
+    strip = np.full((TITLE_PX, *image.shape[1:]), 255, np.uint8)
+    ink = (40,) * 3
+    cv2.putText(strip, title, (8, 24), cv2.FONT_HERSHEY_DUPLEX, 0.7, ink, 1, cv2.LINE_AA)
+    return np.vstack([strip, image])
 
 
 def _draw_stills(path: Path, scene: Scene, tissue: SoftTissue) -> None:
     """The classic and, where it can be used, the physically based renderer side by side."""
-    stills = [render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX)]
+    titles = {"classic": False}
     if filament.unusable() is None:
-        stills.append(render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX, fine=True))
+        titles["physically based"] = True
+    stills = [
+        _titled(render_still(scene, tissue, np.array(HOME_Q), CLOSE_UP, STILL_PX, fine=fine), title)
+        for title, fine in titles.items()
+    ]
     writing.write_image(path, cv2.cvtColor(np.hstack(stills), cv2.COLOR_RGB2BGR))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.figure import Figure
 
 from breastscan.geometry.nurbs import Nurbs
+from breastscan.report import theme
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
 
@@ -85,26 +85,25 @@ def _draw(
     curves: dict[float, Nurbs],
     u: np.ndarray,
 ) -> None:
-    figure = Figure(figsize=(9, 4.6), layout="constrained")
-    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    figure, ((pulling, passing),) = theme.panels(1, 2, height_in=4.9, sharex=True, sharey=True)
     vertices = pulled[1.0].control_points[:POINTS] * 1e3  # a closed curve repeats its first three
-    titles = ("the same control vertices", "through the same points")
-    for axis, title, family in zip(axes, titles, (pulled, curves), strict=True):
-        for weight, curve in family.items():
+    titles = ("The same control vertices", "Through the same points")
+    for axis, title, family in zip((pulling, passing), titles, (pulled, curves), strict=True):
+        for look, (weight, curve) in zip(theme.FAMILY, family.items(), strict=False):
             x, y = curve.evaluate(u).T * 1e3
-            axis.plot(x, y, label=f"weight {weight:g}", linewidth=1.6)
-        axis.set(title=title, xlabel="x [mm]", aspect="equal")
-    axes[0].plot(
+            axis.plot(x, y, **look.line, label=f"weight {weight:g}", linewidth=1.6)
+        axis.set(xlabel="x [mm]", aspect="equal")
+        theme.title(axis, title)
+    pulling.plot(
         *np.vstack([vertices, vertices[:1]]).T,
         "o:",
-        color="0.6",
+        color=theme.MUTED,
         markersize=4,
         linewidth=1,
         label="vertices",
     )
-    axes[0].plot(*vertices[VERTEX], "ks", markersize=7, label="weighted vertex")
-    axes[1].plot(*(points * 1e3).T, "ko", markersize=4, label="points")
-    axes[0].set_ylabel("y [mm]")
-    for axis in axes:
-        axis.legend(fontsize=8, loc="center")
-    figure.savefig(path, dpi=110)
+    pulling.plot(*vertices[VERTEX], "ks", markersize=7, label="weighted vertex")
+    passing.plot(*(points * 1e3).T, "ko", markersize=4, label="points")
+    pulling.set_ylabel("y [mm]")
+    theme.legend_below(figure, [*pulling.get_lines(), passing.get_lines()[-1]], 6)
+    theme.write_png(figure, path)

@@ -5,6 +5,7 @@ sensors read.
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from breastscan.report import theme
@@ -17,15 +18,12 @@ from sim.arm.servo import ServoConfig
 from sim.wrist.wrench_errors import WRENCH_CLASSES
 from sim.wrist.wrench_sensor import low_pass_pole
 
-COLOURS = ("#0072b2", "#009e73", "#e69f00", "#d55e00")
-"""Of the members of a family, from Okabe and Ito's palette."""
 SHOWN_SETTINGS = ((0.03, 2000.0), (0.1, 2000.0), (0.1, 300.0), (0.03, 300.0))
 """Lookahead [s] and gain whose steps are drawn."""
 SHOWN_TIME = 0.5
 """[s]"""
 JOINT = 1
 """The shoulder, which carries most."""
-DPI = 100
 
 
 def write(
@@ -42,134 +40,130 @@ def write(
         "twin_wrist": _wrist(sensors),
     }
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor="white")
+        theme.write_png(figure, folder / f"{name}.png")
     return list(figures)
 
 
 def _servo(responses: list[Response]) -> Figure:
-    figure, axes = theme.panels(1, 2, height_in=3.4)
+    figure, axes = theme.panels(1, 2, height_in=4.4)
     step, lag = axes[0]
-    for colour, setting in zip(COLOURS, SHOWN_SETTINGS, strict=True):
-        response = next(r for r in responses if (r.config.lookahead_time, r.config.gain) == setting)
-        milliseconds = 1e3 * PERIOD * np.arange(len(response.law))
-        shown = milliseconds < 1e3 * SHOWN_TIME
-        step.plot(milliseconds[shown], response.step[shown, JOINT], color=colour, linewidth=1.6,
-                  label=f"{setting[0]:g} s, {setting[1]:.0f}")  # fmt: skip
-        step.plot(milliseconds[shown], response.law[shown], **theme.PLANNED_LINE)
-    step.set(xlabel="time [ms]", ylabel="fraction of the step", ylim=(-0.05, 1.65))
-    step.legend(frameon=False, fontsize=8.5, title="lookahead, gain", title_fontsize=8.5)
-    theme.title(step, f"A step of {STEP} rad; dashed: what servoj asks for")
-    for colour, gain in zip(COLOURS, GAINS, strict=True):
-        of_gain = [r for r in responses if r.config.gain == gain]
-        times = [1e3 * r.config.lookahead_time for r in of_gain]
-        lag.plot(times, [1e3 * r.ramp_lag[JOINT] for r in of_gain], "o", color=colour, markersize=5)
-        lag.plot(
-            times,
-            [1e3 * r.half_time[JOINT] for r in of_gain],
-            "s-",
-            color=colour,
-            markersize=4,
-            linewidth=1,
-            label=f"{gain:.0f}",
-        )
-    nominal = [1e3 * ServoConfig(lookahead_time=time).servo.lag for time in LOOKAHEADS]
-    lag.plot([1e3 * time for time in LOOKAHEADS], nominal, **theme.PLANNED_LINE)
-    lag.set(xlabel="lookahead time [ms]", ylabel="[ms]")
-    lag.legend(frameon=False, fontsize=8.5, title="gain", title_fontsize=8.5)
-    theme.title(lag, "Lag on a ramp (dots, dashed: the law), half of a step (squares)")
+    _draw_steps(step, responses)
+    _draw_lags(lag, responses)
     return figure
 
 
+def _draw_steps(axis: Axes, responses: list[Response]) -> None:
+    for look, setting in zip(theme.FAMILY, SHOWN_SETTINGS, strict=False):
+        response = next(r for r in responses if (r.config.lookahead_time, r.config.gain) == setting)
+        milliseconds = 1e3 * PERIOD * np.arange(len(response.law))
+        shown = milliseconds < 1e3 * SHOWN_TIME
+        axis.plot(milliseconds[shown], response.law[shown], **look.band)
+        axis.plot(
+            milliseconds[shown],
+            response.step[shown, JOINT],
+            **look.line,
+            linewidth=1.4,
+            label=f"{setting[0]:g} s, {setting[1]:.0f}",
+        )
+    axis.set(xlabel="time [ms]", ylabel="share of the step [-]", ylim=(-0.05, 1.65))
+    theme.legend_under(axis, 2, "lookahead, gain; pale bands: what servoj requests")
+    theme.title(axis, f"A step of {STEP} rad")
+
+
+def _draw_lags(axis: Axes, responses: list[Response]) -> None:
+    nominal = [1e3 * ServoConfig(lookahead_time=time).servo.lag for time in LOOKAHEADS]
+    lookaheads = [1e3 * time for time in LOOKAHEADS]
+    axis.plot(lookaheads, nominal, **theme.PLANNED_LINE, label="ramp, the law")
+    ramps = [(1e3 * r.config.lookahead_time, 1e3 * r.ramp_lag[JOINT]) for r in responses]
+    axis.plot(*np.transpose(ramps), "o", color=theme.INK, markersize=7, fillstyle="none",
+              label="ramp, every gain")  # fmt: skip
+    for look, gain in zip(theme.FAMILY, GAINS, strict=False):
+        of_gain = [r for r in responses if r.config.gain == gain]
+        axis.plot(
+            [1e3 * r.config.lookahead_time for r in of_gain],
+            [1e3 * r.half_time[JOINT] for r in of_gain],
+            **look.line,
+            marker=look.marker,
+            markersize=4,
+            linewidth=1.2,
+            label=f"step, gain {gain:.0f}",
+        )
+    axis.set(xlabel="lookahead time [ms]", ylabel="time [ms]")
+    theme.legend_under(axis, 2)
+    theme.title(axis, "Lag on a ramp, and time to half of a step")
+
+
 def _arm(swings: dict[str, Swing], arms: dict[str, Accuracy]) -> Figure:
-    figure, axes = theme.panels(1, 2, height_in=3.2)
+    figure, axes = theme.panels(1, 2, height_in=3.8)
     energy, tip = axes[0]
-    for colour, (name, swing) in zip(COLOURS, swings.items(), strict=False):
-        energy.semilogy(
-            swing.time[1:],
-            np.maximum(np.abs(swing.drift[1:]), 1e-14),
-            color=colour,
-            linewidth=1.1,
-            label=name,
-        )
-    energy.axhline(1e-4, **theme.PLANNED_LINE)
-    energy.set(xlabel="time [s]", ylabel="|drift| / largest kinetic energy", ylim=(1e-14, 1))
-    energy.legend(frameon=False, fontsize=8.5, loc="center")
+    for look, (name, swing) in zip(theme.FAMILY, swings.items(), strict=False):
+        drift = np.maximum(np.abs(swing.drift[1:]), 1e-14)
+        energy.semilogy(swing.time[1:], drift, **look.line, linewidth=1.2, label=name)
+    energy.axhline(1e-4, color=theme.MUTED, linewidth=0.8, label="1e-4")
+    energy.set(xlabel="time [s]", ylabel="|drift| / largest kinetic energy [-]", ylim=(1e-14, 1))
+    theme.legend_under(energy, 2)
     theme.title(energy, "Energy of the arm, let go without friction")
-    for colour, (name, accuracy) in zip(COLOURS, arms.items(), strict=False):
-        of_arms = np.sort(1e3 * accuracy.position.mean(axis=1))
-        tip.step(
-            of_arms,
-            np.arange(1, len(of_arms) + 1) / len(of_arms),
-            where="post",
-            color=colour,
-            linewidth=1.6,
-            label=f"calibration {name}",
-        )
+    for look, (name, accuracy) in zip(theme.FAMILY, arms.items(), strict=False):
+        _draw_shares(tip, 1e3 * accuracy.position.mean(axis=1), look, f"calibration {name}")
     tip.set(
         xlabel="mean distance of the true tip from the planned one [mm]",
-        ylabel="fraction of the arms",
+        ylabel="fraction of the arms [-]",
         xscale="log",
     )
     tip.set_xticks([0.1, 0.2, 0.5, 1, 2], ["0.1", "0.2", "0.5", "1", "2"])
-    tip.legend(frameon=False, fontsize=8.5, loc="center")
+    theme.legend_under(tip, 2)
     theme.title(tip, f"{len(next(iter(arms.values())).position)} arms around the loop")
     return figure
 
 
 def _wrist(sensors: list[Readings]) -> Figure:
-    figure, axes = theme.panels(2, 2, height_in=5.6)
+    figure, axes = theme.panels(2, 2, height_in=5.8)
     (drift, spectrum), (tilt, shake) = axes
-    for colour, one in zip(COLOURS, sensors, strict=False):
+    for look, one in zip(theme.FAMILY, sensors, strict=False):
         each_second = one.wait.reshape(-1, round(1.0 / PERIOD), 3).mean(axis=1)
-        drift.plot(
-            np.arange(len(each_second)),
-            np.linalg.norm(each_second, axis=1),
-            color=colour,
-            linewidth=1.4,
-            label=one.quality,
-        )
-        tilt.step(
-            np.sort(one.tilted),
-            np.arange(1, len(one.tilted) + 1) / len(one.tilted),
-            where="post",
-            color=colour,
-            linewidth=1.6,
-            label=one.quality,
-        )
-        shake.plot(
-            PERIOD * np.arange(len(one.shaken)),
-            one.shaken,
-            color=colour,
-            linewidth=1.0,
-            label=one.quality,
-        )
-        errors = WRENCH_CLASSES[one.quality]
-        if errors.force_noise == 0:
-            continue
-        spectrum.loglog(
-            one.frequency[2:-1], one.density[2:-1], color=colour, linewidth=1.3, label=one.quality
-        )
-        spectrum.loglog(
-            one.frequency[2:-1],
-            _expected(one.frequency[2:-1], errors.force_noise, errors.bandwidth),
-            **theme.PLANNED_LINE,
-        )
-    shake.plot(
-        PERIOD * np.arange(len(sensors[0].inertia)), sensors[0].inertia, **theme.PLANNED_LINE
+        force = np.linalg.norm(each_second, axis=1)
+        drift.plot(force, **look.line, linewidth=1.4, label=one.quality)
+        _draw_shares(tilt, one.tilted, look, one.quality)
+        _draw_spectrum(spectrum, one, look)
+    for look, one in reversed(list(zip(theme.FAMILY, sensors, strict=False))):
+        # noise is drawn as the solid area that it is, the widest undermost
+        shake.plot(PERIOD * np.arange(len(one.shaken)), one.shaken, color=look.color, linewidth=0.9)
+    (inertia,) = shake.plot(
+        PERIOD * np.arange(len(sensors[0].inertia)),
+        sensors[0].inertia,
+        **theme.PLANNED_LINE,
+        label="reference: the class's noise, the tool's inertia",
     )
     drift.set(xlabel="time since the tare [s]", ylabel="force, mean of 1 s [N]")
     spectrum.set(xlabel="frequency [Hz]", ylabel="noise [N²/Hz]")
-    tilt.set(xlabel="force read, nothing touching [N]", ylabel="fraction of the poses")
-    shake.set(xlabel="time [s]", ylabel="force read [N]", ylim=(-0.05, 1.5))
+    tilt.set(xlabel="force read, nothing touching [N]", ylabel="fraction of the poses [-]")
+    shake.set(xlabel="time [s]", ylabel="force read [N]")
     for axis, text in (
         (drift, "Left alone"),
-        (spectrum, "Noise of a component; dashed: the class's"),
+        (spectrum, "Noise of a component"),
         (tilt, "Tilted by up to 50° after the tare, no noise"),
-        (shake, "Shaken in the air; dashed: what the tool's inertia takes"),
+        (shake, "Shaken in the air"),
     ):
-        axis.legend(frameon=False, fontsize=8.5, ncols=3 if axis is shake else 1)
         theme.title(axis, text)
+    theme.legend_below(figure, [*drift.get_lines(), inertia], 4)
     return figure
+
+
+def _draw_spectrum(axis: Axes, one: Readings, look: theme.Look) -> None:
+    """The noise of a sensor that has any, and what its class is set to."""
+    errors = WRENCH_CLASSES[one.quality]
+    if errors.force_noise == 0:
+        return
+    frequency = one.frequency[2:-1]
+    axis.loglog(frequency, one.density[2:-1], **look.line, linewidth=1.3)
+    expected = _expected(frequency, errors.force_noise, errors.bandwidth)
+    axis.loglog(frequency, expected, **theme.PLANNED_LINE)
+
+
+def _draw_shares(axis: Axes, values: np.ndarray, look: theme.Look, label: str) -> None:
+    """Which share of the values is no larger."""
+    share = np.arange(1, len(values) + 1) / len(values)
+    axis.step(np.sort(values), share, where="post", **look.line, linewidth=1.6, label=label)
 
 
 def _expected(frequency: np.ndarray, rms: float, bandwidth: float) -> np.ndarray:

@@ -13,8 +13,10 @@ import tyro
 
 from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
+from breastscan.report import theme
 from breastscan.run import writing
 from breastscan.scan import PerceptionConfig, Reconstruction, Stages, perceive
+from breastscan.vision.disparity_picture import disparity_picture
 from sim.scene import Scene, SceneConfig
 
 LINES = 12
@@ -26,6 +28,8 @@ DOT = 1
 CLOUD_SCALE = 4000.0
 """[px/m]"""
 CLOUD_TILT_DEG = 55.0
+SCALE_BAR = 0.02
+"""Of the cloud's picture [m]; across the view only, which is turned."""
 TO_LAMP = np.array([-0.4, -0.5, -0.77])
 """Unit vector in the rotated view: x to the right, y down, z away."""
 AROUND_PX = 140
@@ -53,7 +57,7 @@ def _rectified(result: Reconstruction) -> np.ndarray:
     """Both views side by side; matching points lie on one line [Zhang, Fig. 5]."""
     picture = cv2.cvtColor(np.hstack([result.pair.left, result.pair.right]), cv2.COLOR_GRAY2BGR)
     for y in np.linspace(0, picture.shape[0] - 1, LINES + 2)[1:-1].astype(int):
-        cv2.line(picture, (0, int(y)), (picture.shape[1] - 1, int(y)), (60, 200, 60), 2)
+        cv2.line(picture, (0, int(y)), (picture.shape[1] - 1, int(y)), _bgr(theme.MEASURED), 2)
     return _shrunk(picture, FIGURE_WIDTH)
 
 
@@ -62,7 +66,7 @@ def _disparity(result: Reconstruction) -> np.ndarray:
     y, x = (np.flatnonzero(result.breast.mask.any(axis=axis)) for axis in (1, 0))
     rows = slice(max(y[0] - AROUND_PX, 0), y[-1] + AROUND_PX)
     columns = slice(max(x[0] - AROUND_PX, 0), x[-1] + AROUND_PX)
-    return writing.disparity_picture(result.disparity[rows, columns])
+    return disparity_picture(result.disparity[rows, columns])
 
 
 def _cloud(result: Reconstruction) -> np.ndarray:
@@ -80,7 +84,25 @@ def _cloud(result: Reconstruction) -> np.ndarray:
         x, y = (int(value) for value in xy[i])
         shade = (np.array([170, 120, 40]) * light[i]).tolist()
         cv2.rectangle(picture, (x - DOT, y - DOT), (x + DOT, y + DOT), shade, -1)
+    _draw_scale(picture)
     return _shrunk(picture, 640)
+
+
+def _draw_scale(picture: np.ndarray) -> None:
+    """A bar of `SCALE_BAR` in the lower right corner."""
+    height, width = picture.shape[:2]
+    length = round(CLOUD_SCALE * SCALE_BAR)
+    right = (width - 20, height - 20)
+    cv2.line(picture, (right[0] - length, right[1]), right, _bgr(theme.INK), 3)
+    name = f"{1e3 * SCALE_BAR:.0f} mm"
+    place = (right[0] - length, right[1] - 10)
+    cv2.putText(picture, name, place, cv2.FONT_HERSHEY_DUPLEX, 0.7, _bgr(theme.INK), 1, cv2.LINE_AA)
+
+
+def _bgr(colour: str) -> tuple[int, int, int]:
+    """A colour of the palette as OpenCV takes it."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return blue, green, red
 
 
 def _shrunk(picture: np.ndarray, width: int) -> np.ndarray:

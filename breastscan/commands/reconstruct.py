@@ -21,6 +21,7 @@ from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
 from breastscan.scan import PerceptionConfig, Stages, check_sides, match, reconstruct_breast
 from breastscan.vision.camera import RectifiedPair, StereoRig
+from breastscan.vision.disparity_picture import disparity_picture
 from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
 
@@ -89,7 +90,7 @@ def reconstruct(
         except NoBreastError:
             check_sides(images, matched, cameras, perception)
             view = _whole_view(pair, matched, perception)
-        writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
+        writing.write_image(folder / "disparity.png", disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
         writing.write_settings(folder, {"rig": rig, "perception": perception})

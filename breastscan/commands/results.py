@@ -1,5 +1,6 @@
 """What the commands that scan leave behind and say at the end."""
 
+import json
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -63,6 +64,9 @@ def tell_plan(plan: ScanPlan) -> None:
 
 
 def summarise(out: Path, result: ScanResult) -> None:
-    """The metrics in short, and where the page lies."""
-    console.print(report.summary(result.summary()))
+    """The metrics in short, each beside its bar, what the run was made with, and where the page
+    lies.
+    """
+    settings = json.loads((out / "config.json").read_text(encoding="utf-8"))
+    console.print(report.summary(result.summary(), settings))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)

@@ -24,7 +24,7 @@ from breastscan.camera.interface import StereoPair
 from breastscan.commands.console import console
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
-from breastscan.report.calibration_figures import write_png
+from breastscan.report.theme import write_png
 from breastscan.run import writing
 from breastscan.vision.board import Board, BoardShot, find_shot
 from breastscan.vision.calibration import Calibration

@@ -1,11 +1,13 @@
 """The catalogue of what a run measures: which group a metric belongs to, its plain name, its
-unit.
+unit; and how a value is shown beside its bar.
 """
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
+
+from breastscan.run.bars import Bar
 
 OTHER = "Other"
 """Group of whatever the catalogue does not know."""
@@ -24,6 +26,24 @@ class Metric:
     unit: str
     scale: float = 1.0
     """Shown unit over stored unit: 100 for a fraction shown in per cent."""
+    smallest: float = 0.0
+    """In the shown unit; what is below is rounding of numbers, and shown as less than this."""
+
+    def text(self, value: Any) -> str:
+        """A value as it is shown, without its unit."""
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if isinstance(value, int | float):
+            shown = value * self.scale
+            return f"< {self.smallest:g}" if abs(shown) < self.smallest else number(shown)
+        if isinstance(value, list):
+            return " / ".join(self.text(entry) for entry in value)
+        return str(value)
+
+    def bar_text(self, bar: Bar) -> str:
+        """A bar as it is shown, with its unit."""
+        sign = "≤" if bar.sense == "at most" else "≥"
+        return f"{sign} {number(bar.limit * self.scale)} {self.unit}".strip()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +55,23 @@ class Row:
     label: str
     value: str
     unit: str
+    bar: str = ""
+    """What it is held to, with its unit; empty where nothing is claimed."""
+    verdict: str = ""
+    """`HOLDS` or `MISSED`; empty where there is no bar."""
 
 
-def _group(
-    group: str, *entries: tuple[str, str, str] | tuple[str, str, str, float]
-) -> tuple[Metric, ...]:
-    return tuple(
-        Metric(key=key, group=group, label=label, unit=unit, scale=scale[0] if scale else 1.0)
-        for key, label, unit, *scale in entries
-    )
+HOLDS, MISSED = "✓ holds", "✗ missed"
+
+
+def _group(group: str, *entries: tuple[str, str, str, *tuple[float, ...]]) -> tuple[Metric, ...]:
+    return tuple(_metric(group, *entry) for entry in entries)
+
+
+def _metric(
+    group: str, key: str, label: str, unit: str, scale: float = 1.0, smallest: float = 0.0
+) -> Metric:
+    return Metric(key=key, group=group, label=label, unit=unit, scale=scale, smallest=smallest)
 
 
 CATALOGUE: tuple[Metric, ...] = (
@@ -63,14 +91,11 @@ CATALOGUE: tuple[Metric, ...] = (
     *_group(
         "Path",
         ("path_surface_rmse_mm", "Planned path to true skin, RMS", "mm"),
-        ("speed_fluctuation_pct", "Fluctuation of the planned speed", "%"),
+        ("speed_fluctuation_pct", "Fluctuation of the planned speed", "%", 1.0, 0.01),
     ),
     *_group(
         "Execution",
-        ("tracking_mean_abs_mm", "Tracking error, mean absolute (x/y/z)", "mm"),
-        ("tracking_std_mm", "Tracking error, deviation (x/y/z)", "mm"),
-        ("tracking_tangential_rmse_mm", "Tracking error, tangential RMS", "mm"),
-        ("tracking_normal_rmse_mm", "Tracking error, normal RMS", "mm"),
+        ("tracking_tangential_rmse_mm", "Tracking error across the normal, RMS", "mm"),
         ("executed_truth_mean_abs_mm", "Error to the true loop, mean absolute (x/y/z)", "mm"),
         ("executed_truth_rms_mm", "Error to the true loop, RMS", "mm"),
         ("normal_tilt_mean_deg", "Probe axis off the true normal, mean", "°"),
@@ -82,7 +107,13 @@ CATALOGUE: tuple[Metric, ...] = (
         ("force_peak_n", "Contact force, highest", "N"),
         ("force_min_n", "Contact force, lowest", "N"),
         ("contact_fraction", "Loop time in contact", "%", 100.0),
+    ),
+    *_group(
+        "Indentation, wanted",
+        ("tracking_normal_rmse_mm", "Tip from the planned skin, along the normal, RMS", "mm"),
         ("indentation_max_mm", "Deepest indentation of the skin", "mm"),
+        ("tracking_mean_abs_mm", "Tip from the planned skin, mean absolute (x/y/z)", "mm"),
+        ("tracking_std_mm", "Tip from the planned skin, deviation (x/y/z)", "mm"),
     ),
     *_group(
         "Time",
@@ -93,16 +124,24 @@ CATALOGUE: tuple[Metric, ...] = (
 )
 
 
-def rows(metrics: dict[str, Any]) -> list[Row]:
-    """What was measured, in the catalogue's order, then whatever else `metrics` holds. Absent
-    stays absent.
+def metric_of(key: str) -> Metric:
+    """How a metric is shown; one that the catalogue does not know under its own name."""
+    known = (metric for metric in CATALOGUE if metric.key == key)
+    return next(known, Metric(key=key, group=OTHER, label=key, unit=""))
+
+
+def rows(metrics: dict[str, Any], bars: Mapping[str, Bar]) -> list[Row]:
+    """What was measured, in the catalogue's order, then whatever else `metrics` holds; each with
+    its bar, if it has one. Absent stays absent.
     """
-    known = {metric.key for metric in CATALOGUE}
-    others = (
-        Metric(key=key, group=OTHER, label=key, unit="") for key in metrics if key not in known
-    )
-    present = [metric for metric in CATALOGUE if metrics.get(metric.key) is not None]
-    return [row for metric in (*present, *others) for row in _rows_of(metric, metrics[metric.key])]
+    known = [metric.key for metric in CATALOGUE]
+    present = [key for key in known if metrics.get(key) is not None]
+    others = [key for key in metrics if key not in known]
+    return [
+        row
+        for key in (*present, *others)
+        for row in _rows_of(metric_of(key), metrics[key], bars.get(key))
+    ]
 
 
 def number(value: float) -> str:
@@ -112,30 +151,23 @@ def number(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= THOUSAND else f"{value:.3g}"
 
 
-def _rows_of(metric: Metric, value: Any) -> Iterator[Row]:
+def _rows_of(metric: Metric, value: Any, bar: Bar | None) -> Iterator[Row]:
     """One row, or one for each entry where the value is a dictionary."""
     if isinstance(value, dict):
         for name, entry in value.items():
-            yield _row(metric, f"{metric.label}, {name}", entry)
+            yield _row(metric, f"{metric.label}, {name}", entry, None)
     else:
-        yield _row(metric, metric.label, value)
+        yield _row(metric, metric.label, value, bar)
 
 
-def _row(metric: Metric, label: str, value: Any) -> Row:
-    return Row(
+def _row(metric: Metric, label: str, value: Any, bar: Bar | None) -> Row:
+    row = Row(
         key=metric.key,
         group=metric.group,
         label=label,
-        value=_text(value, metric.scale),
+        value=metric.text(value),
         unit=metric.unit,
     )
-
-
-def _text(value: Any, scale: float) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int | float):
-        return number(value * scale)
-    if isinstance(value, list):
-        return " / ".join(_text(entry, scale) for entry in value)
-    return str(value)
+    if bar is None or not isinstance(value, int | float):
+        return row
+    return replace(row, bar=metric.bar_text(bar), verdict=HOLDS if bar.holds(value) else MISSED)

@@ -13,16 +13,13 @@ ELEMENT_ID = "cloud"
 OPTIONS = '{responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: ""}'
 """Without the button that uploads a chart to plotly's server, which is there by default: a scan
 stays where it is."""
+NARROW_PX = 720
+"""Width of a page below which the view is drawn from farther away, so that its sides are seen."""
+FARTHER = "for (const c of 'xyz') view.layout.scene.camera.eye[c] *= 1.3"
 NORMAL_LENGTH_MM = 12.0
 """How long a normal is drawn."""
 LOOP_SAMPLES = 600
 """Samples of the loop that are drawn: half a millimetre apart, or so."""
-READABLE_ON_BOTH = "#7a8494"
-"""A grey that is legible on the light and on the dark page."""
-LOOP_BLUE = "#2b87cf"
-"""The blue of what was measured, between its light and its dark variant."""
-SKIN = ((0.0, "#7d5546"), (1.0, "#e9b998"))
-"""Colours of the lowest and of the highest point: neither is taken by a line."""
 
 
 def figure(
@@ -39,14 +36,14 @@ def figure(
     view = go.Figure(
         [
             _points(cloud_B),
-            _line(_segments(path_B, normals_B), "normals", theme.ACCENT, width=4),
+            _line(_segments(path_B, normals_B), "normals", theme.PATH_ON_SKIN, width=4),
             _markers(path_B),
-            _line(loop_B * MM_PER_M, "executed loop", LOOP_BLUE, width=6),
+            _line(loop_B * MM_PER_M, "executed loop", theme.MEASURED_ON_BOTH, width=6),
         ]
     )
     axis = {
-        "color": READABLE_ON_BOTH,
-        "gridcolor": READABLE_ON_BOTH,
+        "color": theme.READABLE_ON_BOTH,
+        "gridcolor": theme.READABLE_ON_BOTH,
         "showbackground": False,
         "zeroline": False,
     }
@@ -54,12 +51,19 @@ def figure(
         template="none",
         scene={f"{name}axis": {**axis, "title": {"text": f"{name} in B [mm]"}} for name in "xyz"},
         scene_aspectmode="data",
-        scene_camera_eye={"x": -1.4, "y": -1.4, "z": 1.2},
+        scene_camera={
+            "eye": {"x": -1.35, "y": -1.35, "z": 1.1},
+            "center": {"x": 0, "y": 0, "z": -0.15},
+        },
         paper_bgcolor="rgba(0,0,0,0)",
-        font={"color": READABLE_ON_BOTH, "family": "system-ui, sans-serif"},
-        modebar={"bgcolor": "rgba(0,0,0,0)", "color": READABLE_ON_BOTH, "activecolor": LOOP_BLUE},
-        legend={"orientation": "h", "y": 1.02, "itemsizing": "constant"},
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        font={"color": theme.READABLE_ON_BOTH, "family": "system-ui, sans-serif"},
+        modebar={
+            "bgcolor": "rgba(0,0,0,0)",
+            "color": theme.READABLE_ON_BOTH,
+            "activecolor": theme.MEASURED_ON_BOTH,
+        },
+        legend={"orientation": "h", "y": 0, "yanchor": "top", "itemsizing": "constant"},
+        margin={"l": 0, "r": 0, "t": 32, "b": 48},
     )
     return view
 
@@ -70,7 +74,8 @@ def script(view: go.Figure) -> str:
     """
     content = str(view.to_json()).replace("<", "\\u003c")
     call = (
-        f'const view = {content}; Plotly.newPlot("{ELEMENT_ID}", view.data, view.layout, '
+        f"const view = {content}; if (innerWidth < {NARROW_PX}) {FARTHER}; "
+        f'Plotly.newPlot("{ELEMENT_ID}", view.data, view.layout, '
         f"{OPTIONS});"
     )
     return f"<script>{get_plotlyjs()}</script>\n<script>{call}</script>"
@@ -78,7 +83,7 @@ def script(view: go.Figure) -> str:
 
 def _points(cloud_B: Float[np.ndarray, "n 3"]) -> go.Scatter3d:
     x, y, z = (cloud_B * MM_PER_M).astype(np.float32).T
-    marker = {"size": 2.2, "color": z, "colorscale": SKIN, "opacity": 0.9}
+    marker = {"size": 2.2, "color": z, "colorscale": theme.SKIN, "opacity": 0.9}
     return go.Scatter3d(
         x=x, y=y, z=z, mode="markers", marker=marker, name="reconstructed skin", hoverinfo="skip"
     )
@@ -87,7 +92,12 @@ def _points(cloud_B: Float[np.ndarray, "n 3"]) -> go.Scatter3d:
 def _markers(path_B: Float[np.ndarray, "k 3"]) -> go.Scatter3d:
     x, y, z = (path_B * MM_PER_M).T
     numbers = [str(number) for number in range(1, len(path_B) + 1)]
-    marker = {"size": 5, "color": theme.ACCENT}
+    marker = {
+        "size": 5,
+        "symbol": "diamond",
+        "color": theme.PATH_ON_SKIN,
+        "line": {"color": theme.INK, "width": 1},
+    }
     return go.Scatter3d(
         x=x, y=y, z=z, mode="markers", marker=marker, name="path points", text=numbers
     )

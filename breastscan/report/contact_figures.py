@@ -27,8 +27,8 @@ def contact_force(trajectory: Trajectory, set_point: float | None) -> Figure:
     rows = 2 if settled.any() else 1
     figure, axes = theme.panels(rows, 1, height_in=2.8 * rows)
     whole = axes[0, 0]
-    theme.shade_phases(whole, trajectory.spans())
     _draw_force(whole, trajectory, np.full(len(trajectory.elapsed), True), set_point)
+    theme.shade_phases(whole, trajectory.spans())
     theme.title(whole, "Whole scan")
     theme.legend_above(whole)
     if settled.any():
@@ -49,8 +49,8 @@ def indentation(trajectory: Trajectory) -> Figure | None:
         return None
     figure, axes = theme.panels(len(known), 1, height_in=2.2 * len(known), sharex=True)
     for index, (axis, (values, label)) in enumerate(zip(axes[:, 0], known, strict=True)):
-        theme.shade_phases(axis, trajectory.spans(), named=index == 0)
         axis.plot(trajectory.elapsed, values, **theme.TRUTH_LINE)
+        theme.shade_phases(axis, trajectory.spans(), named=index == 0)
         axis.set_ylabel(label)
     axes[-1, 0].set_xlabel("time [s]")
     figure.align_ylabels(axes[:, 0])

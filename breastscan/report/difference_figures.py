@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 from breastscan.report import theme
 from breastscan.report.difference import Difference
 
-FIRST_LINE = {"color": theme.MEASURED, "linewidth": 0.8}
-SECOND_LINE = {"color": theme.ACCENT, "linewidth": 0.8, "alpha": 0.8}
+FIRST_LINE = {**theme.FAMILY[0].line, "linewidth": 1.0}
+SECOND_LINE = {**theme.FAMILY[1].line, "linewidth": 1.0}
 DIFFERENCE_LINE = {"color": theme.PLANNED, "linewidth": 1.0}
-DOTS_PER_INCH = 110
 PATH_LABEL = "path length [mm]"
 SMALLEST_RANGE = 1e-6
 """Range of the vertical axis below which a difference is drawn as none, in the unit of the axis."""
@@ -25,7 +24,7 @@ def write(folder: Path, found: Difference, names: tuple[str, str]) -> None:
         ("tip", tip(found)),
         ("force", force(found, names)),
     ):
-        figure.savefig(folder / f"{name}.png", dpi=DOTS_PER_INCH, facecolor="white")
+        theme.write_png(figure, folder / f"{name}.png")
 
 
 def joints(found: Difference) -> Figure:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 from matplotlib.figure import Figure
 
+from breastscan.report.catalogue import HOLDS
 from breastscan.report.theme import to_svg
 
 PICTURE_WIDTH_PX = 800
@@ -36,12 +37,20 @@ def captioned(content: str, caption: str) -> str:
     return f"<figure>\n{content}\n<figcaption>{escape(caption)}</figcaption>\n</figure>"
 
 
-def card(value: str, unit: str, label: str) -> str:
-    """One number set large, with what it is underneath."""
+def card(value: str, unit: str, label: str, bar: str, verdict: str) -> str:
+    """One number set large, with what it is and the bar that it is held to underneath."""
+    judged = f'<span class="bar">{escape(bar)} {_verdict(verdict)}</span>' if bar else ""
     return (
-        f'<div class="card"><span class="value">{escape(value)}</span> <span '
-        f'class="unit">{escape(unit)}</span><span class="label">{escape(label)}</span></div>'
+        f'<div class="card"><span class="value">{escape(value)}</span> '
+        f'<span class="unit">{escape(unit)}</span>'
+        f'<span class="label">{escape(label)}</span>{judged}</div>'
     )
+
+
+def pairs(rows: Sequence[tuple[str, str]]) -> str:
+    """Names and what stands for them, as a list; nothing where there are none."""
+    entries = "\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in rows)
+    return f'<dl class="origin">\n{entries}\n</dl>' if rows else ""
 
 
 def drawing(figure: Figure, description: str, caption: str) -> str:
@@ -78,9 +87,28 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequenc
     return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
-def group_table(title: str, rows: Sequence[Sequence[str]]) -> str:
-    """A table of one group of quantities: what, value, unit."""
-    return table((title, "value", "unit"), rows, numeric=(1,))
+def group_table(title: str, rows: Sequence[tuple[str, str, str, str, str]]) -> str:
+    """A table of one group of quantities: what, value, unit, and the bar with its verdict."""
+    held = any(bar for *_, bar, _ in rows)
+    body = "\n".join(
+        f'<tr><td>{escape(label)}</td><td class="number">{escape(value)}</td>'
+        f"<td>{escape(unit)}</td>"
+        + (f'<td class="bar">{escape(bar)} {_verdict(verdict)}</td>' if held else "")
+        + "</tr>"
+        for label, value, unit, bar, verdict in rows
+    )
+    head = (
+        f'<thead><tr><th>{escape(title)}</th><th class="number">value</th><th>unit</th>'
+        + ("<th>bar</th>" if held else "")
+        + "</tr></thead>"
+    )
+    return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
+
+
+def _verdict(text: str) -> str:
+    """A word with its mark, which colour only underlines."""
+    kind = "holds" if text == HOLDS else "missed"
+    return f'<span class="{kind}">{escape(text)}</span>' if text else ""
 
 
 def details(title: str, content: str) -> str:

@@ -59,9 +59,9 @@ def _six_joints(
     shown = slice(None, None, max(1, len(trajectory.elapsed) // SAMPLES_SHOWN))
     time, spans = trajectory.elapsed[shown], trajectory.spans()
     for joint, axis in enumerate(axes.flat):
-        theme.shade_phases(axis, spans, named=joint == 0)
         axis.plot(time, np.rad2deg(measured[shown, joint]), **theme.MEASURED_LINE, label="measured")
         axis.plot(time, np.rad2deg(planned[shown, joint]), **theme.PLANNED_LINE, label="planned")
+        theme.shade_phases(axis, spans, named=joint == 0)
         theme.title(axis, f"Joint {JOINTS[joint]}")
     for axis in axes[:, 0]:
         axis.set_ylabel(ylabel)

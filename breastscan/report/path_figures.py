@@ -39,9 +39,10 @@ def planned_and_executed(path_B: Float[np.ndarray, "k 3"], trajectory: Trajector
     return figure
 
 
-def axis_errors(trajectory: Trajectory) -> Figure:
-    """Error along the path in x, y and z, across and along the normal, each with its histogram
-    [Zhang, Fig. 21].
+def deviations(trajectory: Trajectory) -> Figure:
+    """What lies between the executed and the planned tip along the path: across the normal the
+    tracking error, along it the indentation, and both together in x, y and z; each with its
+    histogram [Zhang, Fig. 21].
 
     Args:
         trajectory: A log that holds a loop.
@@ -52,14 +53,14 @@ def axis_errors(trajectory: Trajectory) -> Figure:
     figure, axes = theme.panels(
         5, 2, height_in=7.6, width_ratios=(4, 1), sharex="col", sharey="row"
     )
-    for index, name in enumerate(AXES):
-        _draw_error(axes[index], s_mm, errors_mm[:, index], f"{name} [mm]")
-        for line in axes[index]:
+    _draw_error(axes[0], s_mm, trajectory.tangential_errors_mm(), "error across\nthe normal [mm]")
+    _draw_error(axes[1], s_mm, -trajectory.normal_errors_mm(), "indentation\n[mm]")
+    for row, (index, name) in zip(axes[2:], enumerate(AXES), strict=True):
+        _draw_error(row, s_mm, errors_mm[:, index], f"{name}, with the\nindentation [mm]")
+        for line in row:
             line.axhspan(
                 -paper_mm[index], paper_mm[index], color=theme.SHADE, linewidth=0, zorder=0
             )
-    _draw_error(axes[3], s_mm, trajectory.normal_errors_mm(), "normal [mm]")
-    _draw_error(axes[4], s_mm, trajectory.tangential_errors_mm(), "tangential [mm]")
     theme.title(axes[0, 0], "Executed minus planned")
     theme.title(axes[0, 1], "Share of the loop")
     axes[-1, 0].set_xlabel("path length [mm]")

@@ -15,10 +15,12 @@ from breastscan.report import (
     contact_figures,
     html,
     joint_figures,
+    origin,
     path_figures,
     time_figures,
 )
 from breastscan.report.paper import compare_table4
+from breastscan.run.bars import scan_bars
 from breastscan.run.reading import VIDEO_FILE, Run
 
 HEADLINES = {
@@ -33,25 +35,30 @@ HEADLINES = {
 
 
 def headline(run: Run) -> str:
-    """Title and the few numbers that matter most."""
-    rows = [row for row in catalogue.rows(run.metrics) if row.key in HEADLINES]
-    cards = "\n".join(html.card(row.value, row.unit, HEADLINES[row.key]) for row in rows)
+    """Title, where the run comes from, and the few numbers that matter most."""
+    rows = [row for row in _rows(run) if row.key in HEADLINES]
+    cards = "\n".join(
+        html.card(row.value, row.unit, HEADLINES[row.key], row.bar, row.verdict) for row in rows
+    )
     return (
         "<header>\n<h1>Breast scan</h1>\n"
         + html.paragraph(
             "A stereo pair became a point cloud, a path on the skin, a motion of the arm and a "
             "force-controlled touch. Positions are in the robot's base frame B."
         )
+        + f"\n{html.pairs(origin.of(run.config))}"
         + f'\n<div class="cards">\n{cards}\n</div>\n</header>'
     )
 
 
 def summary(run: Run) -> str:
-    """Every metric but the stages' times, which have a figure, group by group; and the video."""
-    shown = (row for row in catalogue.rows(run.metrics) if row.key != "wall_s")
+    """Every metric but the stages' times, which have a figure, group by group, each beside its
+    bar; and the video.
+    """
+    shown = (row for row in _rows(run) if row.key != "wall_s")
     groups = groupby(shown, key=lambda row: row.group)
     tables = [
-        html.group_table(name, [(row.label, row.value, row.unit) for row in rows])
+        html.group_table(name, [(r.label, r.value, r.unit, r.bar, r.verdict) for r in rows])
         for name, rows in groups
     ]
     video = html.captioned(
@@ -63,6 +70,10 @@ def summary(run: Run) -> str:
     )
 
 
+def _rows(run: Run) -> list[catalogue.Row]:
+    return catalogue.rows(run.metrics, scan_bars(run.config))
+
+
 def perception(run: Run) -> str:
     """Camera pictures, disparity and the point cloud."""
     left = html.captioned(html.picture(run.left, "The left camera's picture"), "Left camera, raw.")
@@ -71,8 +82,8 @@ def perception(run: Run) -> str:
     )
     disparity = html.captioned(
         html.picture(run.disparity, "Disparity in false colours"),
-        "Disparity of the rectified pair: bright is near, black is unknown. Compare with Fig. 6 of "
-        "the paper.",
+        "Disparity of the rectified pair [px]: bright is near, black is unknown. Compare with "
+        "Fig. 6 of the paper.",
     )
     cloud = (
         f'<div id="{cloud_view.ELEMENT_ID}" role="img" aria-label="Reconstructed points with the '
@@ -102,17 +113,18 @@ def path(run: Run) -> str:
         html.drawing(
             path_figures.planned_and_executed(run.path_B, run.trajectory),
             "The loop from above and its height over the path length, planned and executed",
-            "Planned loop through the numbered path points, and the executed one. From above, the "
-            "deviation is enlarged by the factor in the legend. Compare with Figs. 18 and 22 of "
-            "the paper.",
+            "Planned loop on the skin through the numbered path points, and the executed one. On "
+            "soft tissue it lies deeper, by the indentation. From above, the deviation is enlarged "
+            "by the factor in the legend. Compare with Figs. 18 and 22 of the paper.",
         ),
         html.drawing(
-            path_figures.axis_errors(run.trajectory),
-            "Five curves of the error over the path length: x, y, z, normal and tangential, each "
-            "with a histogram",
-            "Executed minus planned tip at equal path parameter. The shaded bands are the paper's "
-            "mean absolute errors; along the normal, negative is deeper than planned. Compare with "
-            "Fig. 21 of the paper.",
+            path_figures.deviations(run.trajectory),
+            "Five curves over the path length, each with a histogram: the tracking error across "
+            "the normal, the indentation, and both together in x, y and z",
+            "Executed minus planned tip at equal path parameter. Across the normal it is the "
+            "tracking error; along it, on soft tissue, the indentation, which is wanted and shows "
+            "in x, y and z as well. The shaded bands are the mean absolute errors of the paper, "
+            "which scanned a rigid print. Compare with Fig. 21 of the paper.",
         ),
         _table4(run),
     )
@@ -220,11 +232,11 @@ def _table4(run: Run) -> str:
         "<h3>Against Table 4 of the paper</h3>\n"
         + html.table(header, rows, numeric=range(1, 7))
         + html.paragraph(
-            "Executed minus planned tip in B [mm]. Split at the planned normal, our error is "
-            f"{_mm(normal)} mm along it and {_mm(tangential)} mm across it (RMS). The paper "
-            "scanned a rigid print at fifteen points, and what it calls its standard deviation is "
-            "the RMS about zero. On soft tissue the normal part contains the indentation, which is "
-            "wanted: there, compare the tangential part."
+            "Executed minus planned tip in B [mm]. The paper scanned a rigid print at fifteen "
+            "points, and what it calls its standard deviation is the RMS about zero. On soft "
+            "tissue ours contains the indentation, which is wanted: there, compare the part across "
+            f"the planned normal, {_mm(tangential)} mm (RMS); the part along it is "
+            f"{_mm(normal)} mm."
         )
     )
 

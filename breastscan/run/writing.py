@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import polars as pl
 import trimesh
-from jaxtyping import Float, Float32
+from jaxtyping import Float
 from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
@@ -88,20 +88,6 @@ def write_image(path: Path, image: np.ndarray) -> None:
         OSError: The file could not be written.
     """
     path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
-
-
-def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> np.ndarray:
-    """Disparity as colours (BGR), black where unknown, scaled to the 1 % and 99 % quantiles
-    [Zhang, Fig. 6].
-    """
-    known = np.isfinite(disparity)
-    if not known.any():
-        return np.zeros((*disparity.shape, 3), np.uint8)
-    low, high = np.quantile(disparity[known], [0.01, 0.99])
-    grey = np.clip(255.0 * (disparity - low) / max(high - low, 1e-6), 0, 255)
-    colours = cv2.applyColorMap(np.where(known, grey, 0).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
-    colours[~known] = 0
-    return colours
 
 
 def write_cloud(

@@ -1,5 +1,8 @@
 """Each figure draws the run's own numbers, in the unit that its axis names."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,6 +16,10 @@ from breastscan.report import (
 )
 from breastscan.run.trajectory import Trajectory
 from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
+
+ROOT = Path(__file__).parents[2]
+FULL_COLOUR = (0, 2, 4, 6)
+"""PNG's colour types without a palette, at their place in its header."""
 
 
 @pytest.fixture(scope="session")
@@ -52,17 +59,24 @@ def test_deviations_are_enlarged_only_as_far_as_the_loop_stays_recognisable(devi
     assert path_figures.magnification(np.array([[deviation, 0.0, 0.0]]), extent=120.0) == factor
 
 
-def test_errors_are_drawn_in_millimetres_over_the_path_length(run):
-    figure = path_figures.axis_errors(run.trajectory)
-    curve = figure.axes[0].lines[1]
+def test_deviations_are_drawn_in_millimetres_over_the_path_length(run):
+    figure = path_figures.deviations(run.trajectory)
+    curve = figure.axes[4].lines[1]
     np.testing.assert_allclose(curve.get_ydata(), run.trajectory.path_errors_mm()[:, 0])
-    assert figure.axes[0].get_ylabel() == "x [mm]"
+    assert figure.axes[4].get_ylabel() == "x, with the\nindentation [mm]"
     assert curve.get_xdata()[-1] == pytest.approx(1e3 * 2 * np.pi * 0.062, rel=1e-3)
 
 
+def test_the_part_along_the_normal_is_drawn_as_the_indentation_it_is(run):
+    axis = path_figures.deviations(run.trajectory).axes[2]
+    assert axis.get_ylabel() == "indentation\n[mm]"
+    np.testing.assert_allclose(axis.lines[1].get_ydata(), -run.trajectory.normal_errors_mm())
+    assert axis.lines[1].get_ydata().mean() > 0.0, "deeper is positive"
+
+
 def test_the_histogram_holds_the_whole_loop(run):
-    normal_errors = path_figures.axis_errors(run.trajectory).axes[7]
-    assert sum(bar.get_width() for bar in normal_errors.patches) == pytest.approx(100.0, abs=1e-6)
+    indentation = path_figures.deviations(run.trajectory).axes[3]
+    assert sum(bar.get_width() for bar in indentation.patches) == pytest.approx(100.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +130,53 @@ def test_indentation_is_drawn_in_millimetres(run):
     axis = contact_figures.indentation(run.trajectory).axes[0]
     assert axis.lines[0].get_ydata().max() == pytest.approx(1e3 * INDENTATION, rel=0.01)
     assert axis.get_ylabel() == "indentation [mm]"
+
+
+@pytest.mark.parametrize("draw", [joint_figures.joint_angles, joint_figures.joint_speeds])
+def test_phases_names_meet_neither_each_other_nor_a_curve(run, draw):
+    figure = draw(run.trajectory)
+    figure.draw_without_rendering()
+    axis = figure.axes[0]
+    boxes = [text.get_window_extent() for text in axis.texts]
+    assert len(boxes) == len(run.trajectory.spans())
+    assert not any(
+        one.overlaps(other) for number, one in enumerate(boxes) for other in boxes[:number]
+    )
+    for curve in axis.lines:
+        x, y = axis.transData.transform(np.nan_to_num(curve.get_xydata(), nan=-1e6)).T
+        for box in boxes:
+            assert not ((x > box.x0) & (x < box.x1) & (y > box.y0)).any()
+
+
+def test_a_name_that_would_meet_the_last_is_left_out(run):
+    _, ((axis,),) = theme.panels(1, 1, height_in=2.0)
+    axis.plot([0.0, 100.0], [0.0, 1.0])
+    short = [Span(phase="search", start=50.0 + k, end=51.0 + k) for k in range(4)]
+    spans = [Span(phase="loop", start=0.0, end=50.0), *short]
+    theme.shade_phases(axis, [*spans, Span(phase="retreat", start=54.0, end=100.0)])
+    assert [text.get_text() for text in axis.texts].count("search") < 4
+
+
+def test_no_two_members_of_a_family_look_alike_without_colour():
+    assert len({look.linestyle for look in theme.FAMILY}) == len(theme.FAMILY)
+    assert len({look.marker for look in theme.FAMILY}) == len(theme.FAMILY)
+
+
+@pytest.mark.parametrize("folder", ["breastscan/report", "experiments"])
+def test_every_colour_is_named_in_one_place(folder):
+    for path in (ROOT / folder).glob("*.py"):
+        found = re.findall(r"#[0-9a-f]{6}\b|[\"']C\d[\"']", path.read_text(encoding="utf-8"))
+        assert path.name == "theme.py" or not found, f"{path} states {found}"
+
+
+@pytest.mark.parametrize("picture", sorted((ROOT / "docs/images").glob("*.png")), ids=str)
+def test_no_picture_of_the_docs_is_cut_to_a_palette(picture):
+    assert picture.read_bytes()[25] in FULL_COLOUR
+
+
+def test_figures_are_written_in_full_colour(tmp_path):
+    theme.write_png(time_figures.wall_time({"plan": 1.0}), tmp_path / "bars.png")
+    assert (tmp_path / "bars.png").read_bytes()[25] in FULL_COLOUR
 
 
 def test_each_stage_has_a_bar_as_long_as_it_took():

@@ -101,6 +101,27 @@ def test_the_page_shows_metrics_settings_and_the_papers_figures(page):
         assert shown in text
 
 
+def test_the_page_shows_each_value_beside_its_bar_and_the_verdict_in_a_word(page):
+    text = " ".join(read(page).text)
+    assert "≤ 0.5 mm" in text
+    assert "✓ holds" in text
+
+
+def test_the_page_says_where_its_numbers_come_from(tmp_path):
+    folder = write_run(tmp_path)
+    settings = {"date": "2030-01-02", "command": "breastscan scan --x", "commit": "0123abc"}
+    (folder / "config.json").write_text(json.dumps(settings))
+    text = read(write(folder)).text
+    assert all(value in text for value in settings.values())
+    assert "seed" not in text
+
+
+def test_a_missed_bar_is_said_in_a_word(tmp_path):
+    folder = write_run(tmp_path)
+    (folder / "metrics.json").write_text('{"force_rmse_n": 0.7}')
+    assert "✗ missed" in read(write(folder)).text
+
+
 def test_the_film_is_shown_where_there_is_one(tmp_path):
     folder = write_run(tmp_path)
     (folder / "scan.mp4").write_bytes(b"")

@@ -5,7 +5,6 @@ import os
 import stat
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import polars as pl
 import pytest
@@ -74,15 +73,6 @@ def test_the_path_is_read_back_to_a_tenth_of_a_micrometre(tmp_path):
     table = pl.read_csv(tmp_path / "path.csv")
     assert table.columns == ["x_m", "y_m", "z_m", "nx", "ny", "nz"]
     np.testing.assert_allclose(table.to_numpy()[:, :3], points, atol=1e-7)
-
-
-def test_the_disparity_picture_is_black_exactly_where_nothing_is_known(tmp_path):
-    disparity = np.linspace(100, 140, 600, dtype=np.float32).reshape(20, 30)
-    disparity[5:9, 5:9] = np.nan
-    writing.write_image(tmp_path / "disparity.png", writing.disparity_picture(disparity))
-    picture = cv2.imread(str(tmp_path / "disparity.png"))
-    np.testing.assert_array_equal((picture == 0).all(axis=2), np.isnan(disparity))
-    assert not writing.disparity_picture(np.full((4, 4), np.nan, np.float32)).any()
 
 
 def test_what_a_cut_off_scan_measured_lies_beside_earlier_results_until_the_next_good_one(
