@@ -21,7 +21,7 @@ def require_positive(config: object, name: str, *, but: tuple[str, ...] = ()) ->
         ConfigError: A number is not.
     """
     for field, value in vars(config).items():
-        option = f"{name}.{field.replace('_', '-')}"
+        option = f"{name}.{field}"
         if field in but:
             continue
         if dataclasses.is_dataclass(value):

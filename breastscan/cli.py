@@ -1,18 +1,27 @@
 """The command line: it says which commands there are, and imports the one that is asked for."""
 
+import errno
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 
 from breastscan.checks import require_known
+from breastscan.commands import settings
 from breastscan.commands.console import twin_imports
 from breastscan.errors import BreastScanError
-from breastscan.run.versions import version_of
+from breastscan.run.provenance import unsuited, version_of
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells use it."""
+
+FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
+"""Errors of a disk that takes no more."""
+HELP = frozenset(("-h", "--help", "--help-all"))
 
 COMMANDS = {
     "scan": "scan the phantom with the twin and measure every error, or scan with a robot",
@@ -39,7 +48,7 @@ def usage() -> str:
             "",
             *lines,
             "",
-            "breastscan COMMAND --help lists a command's options.",
+            "breastscan COMMAND --help lists a command's options, --help-all all its settings.",
         ]
     )
 
@@ -53,19 +62,51 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments[0] == "--version":
         print(f"breastscan {version_of('breastscan')}")
         return
-    name, *rest = arguments
-    errors = Console(stderr=True)
+    with _errors_told(Console(stderr=True, highlight=False, soft_wrap=True)) as errors:
+        _run(errors, *arguments)
+
+
+def _run(errors: Console, name: str, *arguments: str) -> None:
+    require_known(name, COMMANDS, "command")
+    with twin_imports():
+        command = getattr(import_module(f"breastscan.commands.{name}"), name)
+    if HELP.intersection(arguments):
+        settings.print_help(name, command, Console(), everything="--help-all" in arguments)
+        sys.exit(0)
+    options, unused = settings.expanded(command, list(arguments))
+    if unused:
+        errors.print(f"{name} has no use for {', '.join(unused)}")
+    tyro.cli(command, args=options, prog=f"breastscan {name}")
+
+
+@contextmanager
+def _errors_told(errors: Console) -> Iterator[Console]:
+    """Tell what a user can act on in one line, and end; before it, which packages do not fit."""
     try:
-        require_known(name, COMMANDS, "command")
-        with twin_imports():
-            module = import_module(f"breastscan.commands.{name}")
-        tyro.cli(getattr(module, name), args=rest, prog=f"breastscan {name}")
-    except BreastScanError as error:
-        errors.print(f"[red]{type(error).__name__}[/]: {error}", highlight=False, soft_wrap=True)
-        sys.exit(1)
+        yield errors
     except (KeyboardInterrupt, SystemError) as error:
         # a Ctrl-C that falls into a compiled kernel comes out of it as the cause of a SystemError
         if isinstance(error, SystemError) and not isinstance(error.__cause__, KeyboardInterrupt):
             raise
         errors.print("Interrupted: earlier results are untouched.")
         sys.exit(INTERRUPTED)
+    except Exception as error:
+        for package in unsuited():
+            errors.print(f"[yellow]{package}[/]")
+        told = _told(error)
+        if told is None:
+            raise
+        errors.print(told)
+        sys.exit(1)
+
+
+def _told(error: Exception) -> str | None:
+    """The line for a user; None for what only a programmer can act on."""
+    if isinstance(error, BreastScanError):
+        return f"[red]{type(error).__name__}[/]: {escape(str(error))}"
+    if isinstance(error, OSError) and error.errno in FULL:
+        return (
+            f"[red]{error.strerror}[/]: free some, or choose another folder with --out; earlier "
+            "results are untouched."
+        )
+    return None

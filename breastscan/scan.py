@@ -41,8 +41,8 @@ from breastscan.vision.stereo import StereoConfig
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanConfig:
-    """Every setting of the pipeline, stage by stage."""
+class PerceptionConfig:
+    """How a stereo pair becomes points on the skin."""
 
     stereo: StereoConfig = field(default_factory=lambda: StereoConfig(consistency_px=2, mean_px=1))
     """On the flanks disparity changes by half a pixel from pixel to pixel: a tolerance of 1 px
@@ -53,13 +53,29 @@ class ScanConfig:
     """A stiffer field would take off .2 mm of the nipple, and the loop at half height would lie .1
     mm lower."""
     denoise_alpha: float = 4.0
-    """alpha of the denoising filter [Zhang, Eq. 12]. Points on the flanks lie three times as far
-    apart as on top: at 2, they would go as well."""
+    """alpha of the denoising filter [-] [Zhang, Eq. 12]. Points on the flanks lie three times as
+    far apart as on top: at 2, they would go as well."""
     cloud_points: int = 4000
     """Points that down-sampling keeps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningConfig:
+    """How points on the skin become a motion of the arm."""
+
     pattern: PatternConfig = field(default_factory=PatternConfig)
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
-    joints: JointPathConfig = field(default_factory=lambda: JointPathConfig(floor=0.25))
+    joints: JointPathConfig = field(default_factory=JointPathConfig)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanConfig:
+    """Every setting of the pipeline, stage by stage."""
+
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    planning: PlanningConfig = field(
+        default_factory=lambda: PlanningConfig(joints=JointPathConfig(floor=0.25))
+    )
     """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
     contact: ContactConfig = field(default_factory=ContactConfig)
     safety: SafetyLimits = field(default_factory=SafetyLimits)
@@ -71,6 +87,11 @@ class ScanConfig:
                 f"({self.safety.force} N), or the supervisor ends every scan",
                 self.contact.force,
             )
+
+    @property
+    def stereo(self) -> StereoConfig:
+        """The matcher's settings, as a scan uses them."""
+        return self.perception.stereo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +122,8 @@ class ScanPlan:
     path: SkinPath
     feed: Feed
     motion: Motion
+    hidden_speed: str | None
+    """What to tell of a top speed that other limits hide; None where some point has it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,8 +207,8 @@ def scan(
     """
     with stages.stage("capture"):
         images = camera.capture()
-    reconstruction = perceive(images, cell.rig, config, stages)
-    plan = plan_scan(reconstruction, cell, robot, config, stages, clearances)
+    reconstruction = perceive(images, cell.rig, config.perception, stages)
+    plan = plan_scan(reconstruction, cell, robot, config.planning, stages, clearances)
     on_plan(plan)
     log: list[Sample] = []
     with stages.stage("execution") as progress:
@@ -215,7 +238,7 @@ def scan(
 
 
 def perceive(
-    images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages
+    images: StereoPair, rig: StereoRig, config: PerceptionConfig, stages: Stages
 ) -> Reconstruction:
     """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
     pair, matched = match(images, rig, config, stages)
@@ -227,7 +250,7 @@ def perceive(
 
 
 def match(
-    images: StereoPair, rig: StereoRig, config: ScanConfig, stages: Stages
+    images: StereoPair, rig: StereoRig, config: PerceptionConfig, stages: Stages
 ) -> tuple[RectifiedPair, Float32[np.ndarray, "h w"]]:
     """The rectified pair, and the disparity of all that both cameras see in it [px]."""
     with stages.stage("rectification"):
@@ -239,7 +262,10 @@ def match(
 
 
 def reconstruct_breast(
-    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig, stages: Stages
+    pair: RectifiedPair,
+    matched: Float32[np.ndarray, "h w"],
+    config: PerceptionConfig,
+    stages: Stages,
 ) -> Reconstruction:
     """The breast in a matched pair, refined on the images."""
     with stages.stage("segmentation"):
@@ -269,7 +295,10 @@ def reconstruct_breast(
 
 
 def check_sides(
-    images: StereoPair, matched: Float32[np.ndarray, "h w"], rig: StereoRig, config: ScanConfig
+    images: StereoPair,
+    matched: Float32[np.ndarray, "h w"],
+    rig: StereoRig,
+    config: PerceptionConfig,
 ) -> None:
     """Refuse a pair that matches better with left and right exchanged.
 
@@ -287,7 +316,7 @@ def plan_scan(
     reconstruction: Reconstruction,
     cell: Cell,
     robot: Robot,
-    config: ScanConfig,
+    config: PlanningConfig,
     stages: Stages,
     clearances: Clearances | None = None,
 ) -> ScanPlan:
@@ -304,4 +333,12 @@ def plan_scan(
             path, robot.X_FP, robot.period, config.feedrate, config.joints,
             clearances=clearances, calibration=robot.calibration,
         )  # fmt: skip
-    return ScanPlan(points_B=points_B, normals_B=normals_B, path=path, feed=feed, motion=planned)
+        hidden = motion.hidden_speed(path, planned, feed, config.feedrate, robot.period)
+    return ScanPlan(
+        points_B=points_B,
+        normals_B=normals_B,
+        path=path,
+        feed=feed,
+        motion=planned,
+        hidden_speed=hidden,
+    )

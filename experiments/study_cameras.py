@@ -18,8 +18,8 @@ from matplotlib.axes import Axes
 
 from breastscan.geometry import se3
 from breastscan.run import writing
-from breastscan.run.versions import versions
-from breastscan.scan import ScanConfig, Stages, perceive
+from breastscan.run.provenance import provenance
+from breastscan.scan import PerceptionConfig, Stages, perceive
 from experiments import bench_camera, camera_projection
 from sim import error_analysis
 from sim.cameras import filament
@@ -69,9 +69,7 @@ def run(out: Path, *, seed: int) -> dict[str, float]:
         (staging / "study.md").write_text(
             "\n".join(["| what | value |", "|---|---|", *rows]) + "\n", encoding="utf-8"
         )
-        writing.write_json(
-            staging / "study.json", {"seed": seed, "values": values, "versions": versions()}
-        )
+        writing.write_json(staging / "study.json", {"seed": seed, "values": values, **provenance()})
     return values
 
 
@@ -190,7 +188,7 @@ def _reconstructions(path: Path, scene: Scene, tissue: SoftTissue) -> dict[str, 
         seen.config = replace(scene.config, camera=replace(scene.config.camera, quality=quality))
         with closing(SimStereoCamera(seen)) as camera:
             pair = camera.capture()
-        result = perceive(pair, scene.rig, ScanConfig(), Stages())
+        result = perceive(pair, scene.rig, PerceptionConfig(), Stages())
         surface = error_analysis.surface_metrics(result, scene.rig, X_SL, truth)
         values |= {f"{quality}_{name}": value for name, value in surface.items()}
         crops.append(_crop(pair.left, quality))

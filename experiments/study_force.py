@@ -22,7 +22,7 @@ from breastscan.control.contact import ContactConfig
 from breastscan.control.laws import LawName
 from breastscan.errors import ConfigError
 from breastscan.run import writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 from experiments import force_cell, force_figures
 from experiments.force_cell import Cell, Outcome
 from sim.wrist.wrench_errors import Quality
@@ -146,7 +146,7 @@ def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
             *(f"![{caption}]({name})" for name, caption in figures.items()),
         ]
         (folder / "study.md").write_text("\n".join(page) + "\n", encoding="utf-8")
-        settings = {"seed": seed, "study": study, "versions": versions()}
+        settings = {"seed": seed, "study": study, **provenance()}
         writing.write_json(folder / "study.json", settings | {"outcomes": _plain(result)})
     return result
 

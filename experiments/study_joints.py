@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from breastscan.run import writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 from experiments import joint_study_figures, joint_walks
 from experiments.joint_walks import LIMITS, MOUNTS_DEG, ROLL_TOLERANCES, Walk
 from sim.scene import PERIOD
@@ -43,7 +43,7 @@ def run(out: Path, *, seed: int) -> list[Walk]:
                 "limits": LIMITS,
                 "walks": [summary(walk) for walk in walks],
                 "fluctuations": fluctuations,
-                "versions": versions(),
+                **provenance(),
             },
         )
         (folder / "study.md").write_text(

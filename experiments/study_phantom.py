@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from breastscan.run import metrics, writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 from experiments import phantom_figures, tissue_cost
 from experiments.indentation import (
     DEPTHS,
@@ -110,9 +110,7 @@ def run(out: Path, *, seed: int) -> Study:
             study.slides,
             _layered_slides(seed),
         )
-        writing.write_json(
-            folder / "study.json", {"seed": seed, **_summary(study), "versions": versions()}
-        )
+        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), **provenance()})
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 

@@ -15,7 +15,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.execution import execute
 from breastscan.planning.motion import Motion
 from breastscan.run import writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 from experiments import arm_accuracy, free_swing, servo_response, twin_figures, wrist_readings
 from experiments.arm_accuracy import Accuracy
 from experiments.free_swing import Swing
@@ -79,9 +79,7 @@ def run(out: Path, *, seed: int) -> Study:
         figures = twin_figures.write(
             folder, study.responses, study.swings, study.arms, study.sensors
         )
-        writing.write_json(
-            folder / "study.json", {"seed": seed, **_summary(study), "versions": versions()}
-        )
+        writing.write_json(folder / "study.json", {"seed": seed, **_summary(study), **provenance()})
         (folder / "study.md").write_text("\n".join(_page(study, figures)) + "\n", encoding="utf-8")
     return study
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from breastscan.geometry.nurbs import Nurbs
 from breastscan.run import writing
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 
 POINTS, VERTEX = 12, 3
 WEIGHTS = (0.2, 1.0, 5.0)
@@ -55,9 +55,7 @@ def run(out: Path, *, seed: int) -> dict[float, float]:
         values = [
             {"weight": w, "moved_mm": moved[w] * 1e3, "missed_mm": missed[w] * 1e3} for w in WEIGHTS
         ]
-        writing.write_json(
-            folder / "study.json", {"seed": seed, "weights": values, "versions": versions()}
-        )
+        writing.write_json(folder / "study.json", {"seed": seed, "weights": values, **provenance()})
     return moved
 
 

@@ -14,7 +14,7 @@ import tyro
 from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
 from breastscan.run import writing
-from breastscan.scan import Reconstruction, ScanConfig, Stages, perceive
+from breastscan.scan import PerceptionConfig, Reconstruction, Stages, perceive
 from sim.scene import Scene, SceneConfig
 
 LINES = 12
@@ -43,7 +43,7 @@ def main(run: Path, out: Path, seed: int = 0) -> None:
     images = StereoPair(
         left=read_grey(run / "left.png"), right=read_grey(run / "right.png"), time=0.0
     )
-    result = perceive(images, Scene(SceneConfig().seeded(seed)).rig, ScanConfig(), Stages())
+    result = perceive(images, Scene(SceneConfig().seeded(seed)).rig, PerceptionConfig(), Stages())
     writing.write_image(out / "vision_rectified.png", _rectified(result))
     writing.write_image(out / "vision_disparity.png", _disparity(result))
     writing.write_image(out / "vision_cloud.png", _cloud(result))

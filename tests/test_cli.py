@@ -1,5 +1,6 @@
 """What a user meets at the prompt: help, errors that help, exit status."""
 
+import errno
 import os
 import platform
 import subprocess
@@ -12,7 +13,7 @@ from breastscan import cli
 from breastscan.commands import doctor
 from breastscan.commands.console import twin_imports
 from breastscan.errors import PlanningError
-from breastscan.run import versions as run_versions
+from breastscan.run import provenance
 
 FILE_COMMANDS = ("reconstruct", "calibrate", "handeye", "plan", "compare", "doctor")
 
@@ -51,6 +52,46 @@ def test_an_expected_error_ends_in_one_line_and_status_one(capsys, monkeypatch):
     status, _, err = run(capsys, "doctor")
     assert status == 1
     assert err.strip() == "PlanningError: point 3 lies 40 mm out of reach: move the phantom closer"
+
+
+def test_brackets_in_an_error_are_told_as_they_are(capsys, monkeypatch):
+    def fail() -> None:
+        raise PlanningError("expected [m], got [/red]", 3)
+
+    monkeypatch.setattr(doctor, "doctor", fail)
+    assert run(capsys, "doctor")[2].strip() == "PlanningError: expected [m], got [/red]"
+
+
+def test_a_full_disk_ends_in_one_line(capsys, monkeypatch):
+    def fail() -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/scan/left.png")
+
+    monkeypatch.setattr(doctor, "doctor", fail)
+    status, _, err = run(capsys, "doctor")
+    assert status == 1
+    assert err.startswith("No space left on device: free some, or choose another folder")
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_the_first_line_of_any_failure_names_a_package_that_does_not_fit(capsys, monkeypatch):
+    def fail() -> None:
+        raise AttributeError("module 'cv2' has no attribute 'CALIB_HAND_EYE_PARK'")
+
+    monkeypatch.setattr(doctor, "doctor", fail)
+    monkeypatch.setattr(
+        provenance,
+        "version_of",
+        lambda name: "5.0.0" if name == "opencv-python-headless" else version(name),
+    )
+    with pytest.raises(AttributeError):
+        cli.main(["doctor"])
+    err = capsys.readouterr().err
+    assert err.startswith("opencv-python-headless is 5.0.0, needed is ")
+    assert "<5" in err
+
+
+def test_what_is_installed_here_fits():
+    assert provenance.unsuited() == []
 
 
 def test_ctrl_c_ends_with_the_status_of_an_interrupt(capsys, monkeypatch):
@@ -123,10 +164,10 @@ def test_the_version_of_a_tree_that_is_not_installed_is_told_too(capsys, monkeyp
     def absent(package):
         raise PackageNotFoundError(package)
 
-    monkeypatch.setattr(run_versions, "version", absent)
+    monkeypatch.setattr(provenance, "version", absent)
     cli.main(["--version"])
     assert capsys.readouterr().out.strip() == "breastscan not installed"
-    assert set(run_versions.versions().values()) == {platform.python_version(), "not installed"}
+    assert set(provenance.versions().values()) == {platform.python_version(), "not installed"}
 
 
 def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
@@ -139,7 +180,7 @@ def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
     [
         ("scan", "--seed", "-1"),
         ("scan", "--scene.phantom.seed", "-2"),
-        ("scan", "--plan.segment.seed", "-2"),
+        ("scan", "--perception.segment.seed", "-2"),
         ("view", "--web", "--seed", "-1"),
         ("calibrate", "--twin", "--seed", "-1"),
         ("study", "weights", "--seed", "-1"),
@@ -153,7 +194,7 @@ def test_a_negative_seed_is_refused_before_any_work(capsys, tmp_path, arguments)
 
 
 def test_a_set_point_above_the_supervisors_limit_is_refused_before_any_work(capsys, tmp_path):
-    options = ("--plan.contact.force", "16", "--out", str(tmp_path / "out"))
+    options = ("--contact.force", "16", "--out", str(tmp_path / "out"))
     status, _, err = run(capsys, "scan", *options)
     assert status != 0
     assert "below safety.force" in err

@@ -60,12 +60,12 @@ class SegmentConfig:
     """Of the random choice of points that propose a plane."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "segment", but=("seed",))
-        require_seed(self.seed, "segment.seed")
+        require_positive(self, "perception.segment", but=("seed",))
+        require_seed(self.seed, "perception.segment.seed")
         for name in ("width_range", "height_range"):
             low, high = getattr(self, name)
             if not 0 < low < high:
-                option = f"segment.{name.replace('_', '-')}"
+                option = f"perception.segment.{name}"
                 raise ConfigError(
                     f"{option} must be two rising lengths [m], got {(low, high)}", (low, high)
                 )

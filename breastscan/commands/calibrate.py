@@ -14,7 +14,7 @@ from breastscan.checks import require_seed
 from breastscan.commands import shots as files
 from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.report import calibration_figures as draw
-from breastscan.run.writing import staged
+from breastscan.run.writing import staged, write_settings
 from breastscan.vision import calibration
 from breastscan.vision.boards.board import Board
 from breastscan.vision.calibration import Calibration
@@ -35,7 +35,8 @@ def calibrate(
         shots: Folder of NAME_left.png and NAME_right.png, 30 pairs or so.
         twin: Whether to render the shots with the twin's cameras instead, and compare with the
             truth.
-        out: Folder for rig.yaml, both camera_info files, residuals.csv, metrics.json and figures.
+        out: Folder for rig.yaml, both camera_info files, residuals.csv, metrics.json,
+            config.json and figures.
         seed: Seed of the twin's shots.
         board: The board.
 
@@ -46,7 +47,7 @@ def calibrate(
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
     require_seed(seed)
-    files.need_one_source(shots, twin)
+    files.need_one_source(shots, twin, seed)
     with staged(out) as folder:
         shown = None
         if shots is None:
@@ -62,6 +63,7 @@ def calibrate(
         files.write_results(
             folder, found, result, _figures(shots or folder, result), metrics, result.dropped
         )
+        write_settings(folder, {"twin": twin, "seed": seed, "board": board})
     files.tell_results(out, metrics)
 
 

@@ -13,7 +13,7 @@ from breastscan.report.catalogue import number
 from breastscan.report.difference import Difference, difference, statistics
 from breastscan.run import writing
 from breastscan.run.columns import LOG_FILE, MM_PER_M, Trajectory
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 
 
 def compare(
@@ -62,7 +62,7 @@ def _content(found: Difference, first: Path, second: Path) -> dict[str, object]:
         "path_from_mm": float(found.first.s[0]) * MM_PER_M,
         "path_to_mm": float(found.first.s[-1]) * MM_PER_M,
         "differences": statistics(found),
-        "versions": versions(),
+        **provenance(),
     }
 
 

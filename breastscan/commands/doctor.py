@@ -18,6 +18,7 @@ from rich.table import Table
 
 from breastscan.commands.console import GL_PACKAGES, console
 from breastscan.errors import ConfigError
+from breastscan.run.provenance import unsuited
 from breastscan.vision import matching
 
 RENDER_PROBE = """
@@ -67,7 +68,14 @@ def doctor() -> None:
 
 def examine() -> list[Finding]:
     """Run every check."""
-    return [_opengl(), _numba_cache(), _phantom_cache(), _video(), _ur_rtde(), _vulkan()]
+    checks = (_opengl, _versions, _numba_cache, _phantom_cache, _video, _ur_rtde, _vulkan)
+    return [check() for check in checks]
+
+
+def _versions() -> Finding:
+    found = unsuited()
+    detail = "; ".join(found) or "as pyproject.toml asks"
+    return Finding("versions", not found, detail, "pip install --upgrade breastscan")
 
 
 def _opengl() -> Finding:

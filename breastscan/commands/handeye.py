@@ -18,7 +18,7 @@ from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.report import calibration_figures as draw
-from breastscan.run.writing import staged
+from breastscan.run.writing import staged, write_settings
 from breastscan.vision.boards.board import Board
 from breastscan.vision.camera import StereoRig
 from breastscan.vision.hand_eye import HandEye, hand_eye
@@ -45,7 +45,8 @@ def handeye(
             ry_rad, rz_rad).
         rig: The rig file of the cameras, from `calibrate`.
         twin: Whether to take the shots with the twin instead, and compare with the truth.
-        out: Folder for rig.yaml, residuals.csv, metrics.json and figures.
+        out: Folder for rig.yaml, residuals.csv, metrics.json,
+            config.json and figures.
         seed: Seed of the twin's poses and errors.
         board: The board.
 
@@ -56,7 +57,7 @@ def handeye(
         ConfigError: There is not one source of shots, or `out` cannot be written.
     """
     require_seed(seed)
-    files.need_one_source(shots, twin)
+    files.need_one_source(shots, twin, seed)
     cameras, held = StereoRig.load(rig), None
     with staged(out) as folder:
         if shots is None:
@@ -76,6 +77,7 @@ def handeye(
         result = hand_eye(found.shots, X_BF, cameras, board)
         metrics = _metrics(result) | (held.scene.errors_of(result.rig) if held else {})
         files.write_results(folder, found, result, _figures(source, result, board), metrics)
+        write_settings(folder, {"rig": rig, "twin": twin, "seed": seed, "board": board})
     files.tell_results(out, metrics)
 
 

@@ -2,21 +2,18 @@
 without a robot.
 """
 
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import polars as pl
 import tyro
 
 from breastscan.commands.console import Out, console
-from breastscan.errors import PlanningError
+from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
 from breastscan.planning import motion, pattern
-from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig, limit_uses
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
@@ -25,6 +22,7 @@ from breastscan.robot.ur import program
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
+from breastscan.scan import PlanningConfig
 
 COLUMNS = (
     "t_s",
@@ -42,30 +40,9 @@ PLATE_QUANTILE = 0.005
 """Fraction of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlanConfig:
-    """What lies on the skin, how fast it is walked, and with which arm and tool."""
-
-    tcp: tuple[float, float, float, float, float, float] = (
-        0.0989949,
-        0.0,
-        0.1589949,
-        0.0,
-        0.7853982,
-        0.0,
-    )
-    """Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: z out of the
-    probe's face, x along its array. The default is the twin's, 200 mm of tool bent by 45
-    degrees."""
-    calibration: Path | None = None
-    """The arm's own kinematics: the controller's calibration.conf, or ur_calibration's YAML.
-    Without it the tip may be millimetres off."""
-    plate_height: float | None = None
-    """Height of the chest plate in B [m], for a cloud; without it, that of the cloud's lowest
-    points."""
-    pattern: PatternConfig = field(default_factory=PatternConfig)
-    feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
-    joints: JointPathConfig = field(default_factory=JointPathConfig)
+TWIN_TCP = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
+"""Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: the twin's, 200 mm of
+tool bent by 45 degrees."""
 
 
 def plan(
@@ -73,29 +50,48 @@ def plan(
     /,
     out: Out = Path("out/plan"),
     urscript: bool = False,
-    settings: Annotated[PlanConfig, tyro.conf.arg(name="")] = PlanConfig(),
+    tcp: tuple[float, float, float, float, float, float] = TWIN_TCP,
+    calibration: Path | None = None,
+    plate_height: float | None = None,
+    planning: PlanningConfig = PlanningConfig(),  # noqa: B008 (frozen)
 ) -> Motion:
     """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
     Args:
         source: A cloud in the robot's base frame (PLY with normals), or a closed path (CSV: x_m y_m
             z_m nx ny nz).
-        out: Folder for path.csv, trajectory.csv and trajectory.json.
+        out: Folder for path.csv, trajectory.csv, trajectory.json and config.json.
         urscript: Whether to write path.script as well, a program for the controller.
-        settings: Every setting.
+        tcp: Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: z out of
+            the probe's face, x along its array. By default the twin's.
+        calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of
+            ur_calibration. Without it the tip may be millimetres off.
+        plate_height: Height of the chest plate in B [m], for a cloud; without it, that of the
+            cloud's lowest points.
+        planning: Every setting of it.
 
     Raises:
-        ConfigError: The source cannot be read, or `out` cannot be written.
+        ConfigError: The source cannot be read, is a path where settings are for a cloud, or `out`
+            cannot be written.
         CalibrationError: The kinematic calibration is not one.
         PlanningError: The path does not close, or the arm cannot follow it.
     """
     is_path = source.suffix.lower() == ".csv"
-    path = _path(source) if is_path else _loop(source, settings)
-    file, tcp = settings.calibration, np.array(settings.tcp, float)
-    arm = KinematicCalibration.nominal() if file is None else calibration_file.load(file)
-    X_FP = se3.from_rotation_vector(tcp[3:], tcp[:3])
-    planned, _ = motion.plan_motion(
-        path, X_FP, PERIOD, settings.feedrate, settings.joints, calibration=arm
+    if is_path and (plate_height is not None or planning.pattern != PatternConfig()):
+        raise ConfigError(
+            "plate_height and planning.pattern lay a path on a cloud: leave them out for a path "
+            f"that is given ({source})",
+            source,
+        )
+    path = _path(source) if is_path else _loop(source, plate_height, planning.pattern)
+    arm = (
+        KinematicCalibration.nominal()
+        if calibration is None
+        else calibration_file.load(calibration)
+    )
+    X_FP = se3.from_rotation_vector(np.array(tcp[3:], float), np.array(tcp[:3], float))
+    planned, feed = motion.plan_motion(
+        path, X_FP, PERIOD, planning.feedrate, planning.joints, calibration=arm
     )
     q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
     if not np.isfinite(q_retreat).all():
@@ -106,7 +102,12 @@ def plan(
         if urscript:
             text = program.urscript(planned.q, planned.qd, planned.q_approach, q_retreat, X_FP)
             (folder / "path.script").write_text(text, encoding="utf-8")
-    _tell(planned, settings.joints, out)
+        settings = {"tcp": tcp, "calibration": calibration, "plate_height": plate_height}
+        writing.write_settings(folder, {**settings, "urscript": urscript, "planning": planning})
+    _tell(planned, planning.joints, out)
+    hidden = motion.hidden_speed(path, planned, feed, planning.feedrate, PERIOD)
+    if hidden:
+        console.print(f"[yellow]{hidden}[/]", soft_wrap=True)
     return planned
 
 
@@ -154,10 +155,10 @@ def _path(source: Path) -> SkinPath:
     return SkinPath(points_B=points_B, normals_B=normals_B)
 
 
-def _loop(source: Path, config: PlanConfig) -> SkinPath:
+def _loop(source: Path, plate_height: float | None, config: PatternConfig) -> SkinPath:
     """The half-height loop on a cloud."""
     points_B, normals_B = read_cloud(source)
     lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
-    height = lowest if config.plate_height is None else config.plate_height
+    height = lowest if plate_height is None else plate_height
     plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
-    return pattern.half_height_loop(points_B, normals_B, plate, config.pattern)
+    return pattern.half_height_loop(points_B, normals_B, plate, config)

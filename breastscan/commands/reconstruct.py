@@ -7,7 +7,6 @@ of the rectified left view [m], 32-bit float, NaN where unknown.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 import tyro
@@ -21,7 +20,7 @@ from breastscan.cloud.segment import Breast
 from breastscan.commands.console import Out, console
 from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.run import writing
-from breastscan.scan import ScanConfig, Stages
+from breastscan.scan import PerceptionConfig, Stages
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.matching.pair_check import check_exposure
 from breastscan.vision.triangulation import depth_map, triangulate
@@ -53,7 +52,7 @@ def reconstruct(
     /,
     rig: Path,
     out: Out = Path("out/reconstruct"),
-    settings: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
+    perception: PerceptionConfig = PerceptionConfig(),  # noqa: B008 (frozen)
 ) -> PairReconstruction:
     """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where
     there is none.
@@ -62,8 +61,8 @@ def reconstruct(
         left: Left image, grey or colour, 8 or 16 bit, as the camera gave it (distorted).
         right: Right image of the same instant.
         rig: The rig file of the two cameras.
-        out: Folder for cloud.ply, depth.tiff and disparity.png.
-        settings: Every setting.
+        out: Folder for cloud.ply, depth.tiff, disparity.png and config.json.
+        perception: Every setting of it.
 
     Returns:
         What the pair shows.
@@ -79,9 +78,9 @@ def reconstruct(
     check_exposure(images.left, str(left))
     check_exposure(images.right, str(right))
     with writing.staged(out) as folder:
-        pair, matched = scan.match(images, cameras, settings, Stages())
+        pair, matched = scan.match(images, cameras, perception, Stages())
         try:
-            breast = scan.reconstruct_breast(pair, matched, settings, Stages())
+            breast = scan.reconstruct_breast(pair, matched, perception, Stages())
             view = PairReconstruction(
                 disparity=breast.disparity,
                 breast=breast.breast,
@@ -89,11 +88,12 @@ def reconstruct(
                 normals_L=breast.normals_L,
             )
         except NoBreastError:
-            scan.check_sides(images, matched, cameras, settings)
-            view = _whole_view(pair, matched, settings)
+            scan.check_sides(images, matched, cameras, perception)
+            view = _whole_view(pair, matched, perception)
         writing.write_image(folder / "disparity.png", writing.disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
+        writing.write_settings(folder, {"rig": rig, "perception": perception})
     what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
     console.print(
         f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True
@@ -102,7 +102,7 @@ def reconstruct(
 
 
 def _whole_view(
-    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: ScanConfig
+    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: PerceptionConfig
 ) -> PairReconstruction:
     """All that was matched, as it was matched."""
     step = max(1, int(np.ceil(np.sqrt(np.isfinite(matched).sum() / VIEW_POINTS))))

@@ -10,14 +10,22 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 
 from breastscan.camera.choice import open_camera
 from breastscan.camera.interface import StereoCamera
 from breastscan.cell import Cell
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, summarise, write_report
+from breastscan.commands.results import (
+    keep_aborted,
+    kept_elsewhere,
+    summarise,
+    tell_plan,
+    write_report,
+)
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
@@ -26,7 +34,7 @@ from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run import metrics
 from breastscan.run.writing import staged, write_settings
-from breastscan.scan import ScanConfig, Stages
+from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.scan import scan as run_scan
 from breastscan.vision.camera import StereoRig
 from sim.cameras import filament
@@ -58,7 +66,7 @@ def scan(
     dry_run: bool = False,
     yes: bool = False,
     link: LinkLimits = LinkLimits(),  # noqa: B008 (frozen)
-    plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
+    config: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
     scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
 ) -> None:
     """Scan the phantom with the twin, or with a robot: see, plan, touch, measure the errors,
@@ -84,7 +92,7 @@ def scan(
         dry_run: Whether a robot travels the path in the air, without contact.
         yes: Whether a robot may touch without a question.
         link: How late robot and program may be for each other; a slack of 1 leaves it to the cell.
-        plan: Every setting of the pipeline.
+        config: Every setting of the pipeline.
         scene: Every setting of the simulated world; a robot's mount and cell as well.
 
     Raises:
@@ -95,38 +103,48 @@ def scan(
         RobotError: The robot is not there, not ready, or stopped.
     """
     drawn = scene.seeded(seed)
+    _require_used(
+        {
+            "--cell, --camera, --calibration, --dry-run, --yes and link are a robot's: give "
+            "--robot rtde://HOST as well": robot is None
+            and (cell, camera, calibration, dry_run, yes, link)
+            != (None, TWIN, None, False, False, LinkLimits()),
+            "--fine is a way to render scan.mp4, which this scan does not make: leave out "
+            "--no-video and --robot": fine and not (video and robot is None),
+            "--seed and scene are the twin's, of which this scan takes nothing: it has --cell and "
+            "--camera": (robot is not None and cell is not None and camera != TWIN)
+            and (seed, scene) != (0, SceneConfig()),
+        }
+    )
+    settings = {"seed": seed, "rig": rig, **vars(config), "scene": scene}
     if robot is None:
-        if camera != TWIN or cell is not None or calibration is not None or dry_run or yes:
-            raise ConfigError(
-                "--cell, --camera, --calibration, --dry-run and --yes are a robot's: give --robot "
-                "rtde://HOST as well"
-            )
-        settings = {"seed": seed, "video": video, "rig": rig, "scan": plan, "scene": scene}
-        _scan_twin(out, settings, rig, plan, drawn, video=video, fine=fine)
+        settings |= {"video": video, "fine": fine}
+        _scan_twin(out, settings, rig, config, drawn, video=video, fine=fine)
         return
     host = host_of(robot)
     world = Scene(drawn)
-    whole = robot_cell(world, cell, rig, calibration, link)
-    options = {
+    settings |= {
         "robot": robot,
         "cell": cell,
         "camera": camera,
-        "rig": rig,
         "calibration": calibration,
-    }
-    settings = {
-        "seed": seed,
-        **options,
         "dry_run": dry_run,
         "yes": yes,
-        "link": whole.link,
-        "scene": scene,
+        "link": link,
     }
 
     def chosen_camera() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
-    _scan_robot(out, settings, host, whole, chosen_camera, plan, in_air=dry_run, agreed=yes)
+    whole = robot_cell(world, cell, rig, calibration, link)
+    _scan_robot(out, settings, host, whole, chosen_camera, config, in_air=dry_run, agreed=yes)
+
+
+def _require_used(refused: dict[str, bool]) -> None:
+    """Accept options none of which would be ignored; of each such case, what the user is told."""
+    for reason, holds in refused.items():
+        if holds:
+            raise ConfigError(reason)
 
 
 def _scan_twin(
@@ -145,18 +163,19 @@ def _scan_twin(
         stages = Stages(listener)
         world, tissue = build_world(scene, stages)
         result, found = measured_scan(
-            world, tissue, config, stages, estimated, keep=keep_aborted(out)
+            world, tissue, config, stages, estimated, on_plan=tell_plan, keep=keep_aborted(out)
         )
-        result.save(folder)
-        write_settings(folder, settings)
-        if video:
-            with stages.stage("video") as report_fraction:
-                film = VideoConfig(fine=fine and _fine_or_reason())
-                render_video(
-                    world, tissue, result.trajectory, folder / "scan.mp4", film,
-                    progress=lambda fraction, _: report_fraction(fraction),
-                )  # fmt: skip
-        write_report(folder, found, stages)
+        with kept_elsewhere(out, result, settings, found):
+            result.save(folder)
+            write_settings(folder, settings)
+            if video:
+                with stages.stage("video") as report_fraction:
+                    film = VideoConfig(fine=fine and _fine_or_reason())
+                    render_video(
+                        world, tissue, result.trajectory, folder / "scan.mp4", film,
+                        progress=lambda fraction, _: report_fraction(fraction),
+                    )  # fmt: skip
+            write_report(folder, found, stages)
     summarise(out, found)
 
 
@@ -214,6 +233,11 @@ def _scan_robot(
             "nobody is there to agree to the contact: run in a terminal, or give --yes", None
         )
     clearances = Clearance(cell, with_chest=False)
+
+    def shown(plan: ScanPlan) -> None:
+        plan.motion.require_lift(arm.X_FP, arm.calibration)
+        tell_plan(plan)
+
     controller = preflight.examine(host)
     console.print(
         _introduction(controller, cell, settings["calibration"] or settings["cell"] or "the scene"),
@@ -240,17 +264,18 @@ def _scan_robot(
                 config,
                 stages,
                 clearances,
-                lambda plan: plan.motion.require_lift(arm.X_FP, arm.calibration),
+                shown,
                 keep_aborted(out),
                 in_air=in_air,
             )
-        result.save(folder)
-        write_settings(folder, {**settings, "scan": config, "controller": controller})
         found = {}
         if result.trajectory.has_loop:
             fluctuation = result.plan.feed.fluctuation_pct
             found = metrics.of_execution(result.trajectory, fluctuation, result.wall_s["execution"])
-        write_report(folder, found, stages)
+        with kept_elsewhere(out, result, settings, found):
+            result.save(folder)
+            write_settings(folder, {**settings, "robot_found": controller})
+            write_report(folder, found, stages)
     summarise(out, found)
 
 

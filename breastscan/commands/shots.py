@@ -47,12 +47,14 @@ class ShotFolder:
     """Names of the others."""
 
 
-def need_one_source(shots: Path | None, twin: bool) -> None:
-    """Pass when shots are given or to be taken, not both.
+def need_one_source(shots: Path | None, twin: bool, seed: int) -> None:
+    """Pass when shots are given or to be taken, not both; a seed is for those that are taken.
 
     Raises:
-        ConfigError: Both or neither.
+        ConfigError: Both or neither, or a seed for shots that are given.
     """
+    if shots is not None and seed != 0:
+        raise ConfigError(f"--seed {seed} is for shots that --twin takes: leave it out", seed)
     if (shots is None) != twin:
         raise ConfigError(
             "give either a folder of shots or --twin, which takes them in the simulation", shots

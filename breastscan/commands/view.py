@@ -9,7 +9,13 @@ import tyro
 from jaxtyping import Float
 
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, summarise, write_report
+from breastscan.commands.results import (
+    keep_aborted,
+    kept_elsewhere,
+    summarise,
+    tell_plan,
+    write_report,
+)
 from breastscan.run.writing import staged, write_settings
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.vision.camera import StereoRig
@@ -28,8 +34,10 @@ def view(
     out: Out = Path("out/view"),
     seed: Seed = 0,
     rig: Path | None = None,
-    live: Annotated[LiveConfig, tyro.conf.arg(name="")] = LiveConfig(),  # noqa: B008 (frozen)
-    plan: ScanConfig = ScanConfig(),  # noqa: B008 (frozen)
+    web: bool = False,
+    host: str = LiveConfig.host,
+    port: int = LiveConfig.port,
+    config: Annotated[ScanConfig, tyro.conf.arg(name="")] = ScanConfig(),  # noqa: B008 (frozen)
     scene: SceneConfig = SceneConfig(),  # noqa: B008 (frozen)
 ) -> None:
     """Scan the phantom with the twin live, in a window or, with --web, in a browser.
@@ -39,8 +47,12 @@ def view(
         seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
         rig: File of an estimated rig to see with, from `handeye`; the twin's cameras stay those of
             the scene.
-        live: Where it is watched.
-        plan: Every setting of the pipeline.
+        web: Whether in a browser instead of a window.
+        host: Address that the page is served at. Who reaches it can take control and read this
+            program's messages: leave it at the loopback, and come from elsewhere by
+            `ssh -L 8080:localhost:8080`.
+        port: Port of the page; 0 takes the first free one from 8080.
+        config: Every setting of the pipeline.
         scene: Every setting of the simulated world.
 
     Raises:
@@ -50,22 +62,28 @@ def view(
         KeyboardInterrupt: The user closed the viewer or pressed Ctrl-C before the scan was
             complete.
     """
+    live = LiveConfig(web=web, host=host, port=port)
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     with progress_bars() as listener:
         world, tissue = build_world(scene.seeded(seed), Stages(listener))
-    with LiveView(world, live, plan.contact.force) as viewer:
+
+    def shown(plan: ScanPlan) -> None:
+        viewer.planned(_loop(plan))
+        tell_plan(plan)
+
+    with LiveView(world, live, config.contact.force) as viewer:
         with staged(out) as folder:
             stages = Stages(viewer.stage)
             result, metrics = measured_scan(
-                world, tissue, plan, stages, estimated,
-                viewer.follow, lambda planned: viewer.planned(_loop(planned)), keep_aborted(out),
+                world, tissue, config, stages, estimated,
+                viewer.follow, shown, keep_aborted(out),
             )  # fmt: skip
-            result.save(folder)
-            write_settings(
-                folder, {"seed": seed, "video": False, "rig": rig, "scan": plan, "scene": scene}
-            )
-            write_report(folder, metrics, stages)
+            settings = {"seed": seed, "rig": rig, **vars(config), "scene": scene}
+            with kept_elsewhere(out, result, settings, metrics):
+                result.save(folder)
+                write_settings(folder, settings)
+                write_report(folder, metrics, stages)
         summarise(out, metrics)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):

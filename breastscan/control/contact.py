@@ -61,7 +61,7 @@ class ContactConfig:
             )
         if self.contact_force >= self.force:
             raise ConfigError(
-                f"contact.contact-force ({self.contact_force} N) must be below the set-point "
+                f"contact.contact_force ({self.contact_force} N) must be below the set-point "
                 f"({self.force} N)",
                 self.force,
             )

@@ -53,10 +53,11 @@ class FeedrateLimits:
     length."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "feedrate")
+        require_positive(self, "planning.feedrate")
         if self.step not in ("taylor1", "taylor2", "newton"):
             raise ConfigError(
-                f"step must be taylor1, taylor2 or newton, got {self.step!r}", self.step
+                f"planning.feedrate.step must be taylor1, taylor2 or newton, got {self.step!r}",
+                self.step,
             )
 
     def slowed(self, factor: float) -> "FeedrateLimits":

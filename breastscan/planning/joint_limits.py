@@ -82,7 +82,7 @@ class JointPathConfig:
     position_margin: float = math.radians(5.0)
     """Kept from the position limits [rad]."""
     singularity_margin: float = 0.1
-    """Minimum `kinematics.singularity_measure`."""
+    """Minimum `kinematics.singularity_measure` [-]."""
     floor: float = 0.05
     """Minimum height of elbow, wrist and flange over the base [m]: half a link above the table."""
     collision_margin: float = 0.01
@@ -103,11 +103,11 @@ class JointPathConfig:
             "collision_margin": (0.0, 0.5),
             "floor": (-2.0, 2.0),
         }
-        require_positive(self, "joints", but=tuple(ranges))
+        require_positive(self, "planning.joints", but=tuple(ranges))
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
             if not low <= value <= high:
-                option = f"joints.{name.replace('_', '-')}"
+                option = f"planning.joints.{name}"
                 raise ConfigError(
                     f"{option} must lie between {low:.4g} and {high:.4g}, not {value}", value
                 )

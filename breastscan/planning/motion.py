@@ -6,7 +6,7 @@ keep up, the whole motion takes longer: its shape in time stays, so that nothing
 fluctuation of its speed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +19,11 @@ from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
 from breastscan.planning.pattern import Path
 
+REACHED = 0.99
+"""Share of the top speed that counts as reached [-]."""
+WIDER = 4.0
+"""Factor on one limit that shows whether it is the one that binds [-]."""
+MM_PER_M = 1e3
 MAX_PASSES = 4
 """How often the motion is slowed at most: the second pass corrects what the rounding to whole
 periods changed."""
@@ -133,3 +138,36 @@ def plan_motion(
         "arm's singularities",
         slowed,
     )
+
+
+def hidden_speed(
+    path: Path, planned: Motion, feed: Feed, limits: FeedrateLimits, period: float
+) -> str | None:
+    """What to tell of a top speed that other limits hide; None where some point of the path has it.
+
+    Args:
+        path: What was planned for.
+        planned: The motion.
+        feed: The feed it was made from.
+        limits: What the feed was asked to keep to.
+        period: Control period [s].
+    """
+    reached = float(feed.speeds.max())
+    if reached > REACHED * limits.speed:
+        return None
+    held_by = [
+        name
+        for name in ("normal_acceleration", "acceleration", "jerk", "chord_error")
+        if _top_speed(path, replace(limits, **{name: WIDER * getattr(limits, name)}), period)
+        > reached / REACHED
+    ]
+    if planned.slowed > 1.0:  # of the feedrate's own, none was the last to bind
+        held_by = ["the joints' limits"]
+    return (
+        f"planning.feedrate.speed, {limits.speed * MM_PER_M:g} mm/s, is reached nowhere: "
+        f"{' and '.join(held_by)} keep the probe at {reached * MM_PER_M:.1f} mm/s or less"
+    )
+
+
+def _top_speed(path: Path, limits: FeedrateLimits, period: float) -> float:
+    return float(feedrate.interpolate(path.curve, limits, period).speeds.max())

@@ -39,7 +39,7 @@ class PatternConfig:
     points: int = 15
     """Points of the loop, evenly spaced [Zhang, Sec. V-B.1]."""
     height_fraction: float = 0.5
-    """Height of the loop as a fraction of the breast's height above the chest plate."""
+    """Height of the loop as a fraction of the breast's height above the chest plate [-]."""
     patch_radius: float = 0.016
     """Reach of the local fits [m]: greater averages more noise, smaller follows finer shape."""
     largest_gap: float = 0.5
@@ -50,15 +50,15 @@ class PatternConfig:
     def __post_init__(self) -> None:
         if self.points < 4:
             raise ConfigError(
-                f"pattern.points must be 4 or more for a cubic curve, not {self.points}",
+                f"planning.pattern.points must be 4 or more for a cubic curve, not {self.points}",
                 self.points,
             )
         if not 0.0 < self.height_fraction < 1.0:
             raise ConfigError(
-                f"pattern.height-fraction must lie between 0 and 1, not {self.height_fraction}",
+                f"planning.pattern.height_fraction must lie between 0 and 1, not {self.height_fraction}",
                 self.height_fraction,
             )
-        require_positive(self, "pattern")
+        require_positive(self, "planning.pattern")
 
 
 @dataclass(frozen=True, kw_only=True)

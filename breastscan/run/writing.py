@@ -19,7 +19,7 @@ from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError
 from breastscan.run.columns import LOG_FILE, PATH_COLUMNS, Trajectory
-from breastscan.run.versions import versions
+from breastscan.run.provenance import provenance
 
 INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
 """A list of numbers as `json` indents it; text in a string holds no line break."""
@@ -66,8 +66,8 @@ def write_json(path: Path, content: object) -> None:
 
 
 def write_settings(folder: Path, settings: dict[str, object]) -> None:
-    """Write `config.json`: what a run was made with, versions included."""
-    write_json(folder / "config.json", {**settings, "versions": versions()})
+    """Write `config.json`: what a run was made with, and by what."""
+    write_json(folder / "config.json", {**settings, **provenance()})
 
 
 def _plain(value: object) -> object:
@@ -81,13 +81,12 @@ def _plain(value: object) -> object:
 
 
 def write_image(path: Path, image: np.ndarray) -> None:
-    """Write a PNG.
+    """Write a PNG, or a TIFF.
 
     Raises:
-        ConfigError: The file could not be written.
+        OSError: The file could not be written.
     """
-    if not cv2.imwrite(str(path), image):
-        raise ConfigError(f"cannot write {path}: is the disk full?", path)
+    path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
 
 
 def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> np.ndarray:
@@ -140,7 +139,7 @@ def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Pa
         "error": type(error).__name__,
         "message": str(error),
         "path_reached_m": reached,
-        "versions": versions(),
+        **provenance(),
     }
     write_json(folder / "abort.json", content)
     return folder

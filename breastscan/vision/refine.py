@@ -47,10 +47,11 @@ class RefineConfig:
     """Where the field is less certain, for want of texture, the matcher's disparity stands [px]."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "refine")
+        require_positive(self, "perception.refine")
         if self.spacing_px < 2:
             raise ConfigError(
-                f"refine.spacing-px must be 2 or more, got {self.spacing_px}", self.spacing_px
+                f"perception.refine.spacing_px must be 2 or more, got {self.spacing_px}",
+                self.spacing_px,
             )
 
 

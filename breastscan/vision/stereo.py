@@ -57,27 +57,32 @@ class StereoConfig:
     def __post_init__(self) -> None:
         if self.min_disparity is not None and self.min_disparity < 0:
             raise ConfigError(
-                f"stereo.min-disparity must be 0 px or more, got {self.min_disparity}"
+                f"perception.stereo.min_disparity must be 0 px or more, got {self.min_disparity}"
             )
         if self.num_disparities is not None and not (
             LANES <= self.num_disparities <= MAX_DISPARITIES and self.num_disparities % LANES == 0
         ):
             raise ConfigError(
-                f"stereo.num-disparities must be a multiple of {LANES} up to {MAX_DISPARITIES}, "
-                f"got {self.num_disparities}"
+                f"perception.stereo.num_disparities must be a multiple of {LANES} up to "
+                f"{MAX_DISPARITIES}, got {self.num_disparities}"
             )
         if self.paths not in (4, 8):
-            raise ConfigError(f"stereo.paths must be 4 or 8, got {self.paths}")
+            raise ConfigError(f"perception.stereo.paths must be 4 or 8, got {self.paths}")
         if not 0 < self.P1 <= self.P2 <= LARGEST_P2:
             raise ConfigError(f"0 < P1 <= P2 <= {LARGEST_P2} must hold, got {self.P1}, {self.P2}")
         if self.consistency_px < 0:
-            raise ConfigError(f"stereo.consistency-px must be 0 or more, got {self.consistency_px}")
+            raise ConfigError(
+                f"perception.stereo.consistency_px must be 0 or more, got {self.consistency_px}"
+            )
         if self.subpixel not in ("equiangular", "parabola"):
             raise ConfigError(
-                f"stereo.subpixel must be 'equiangular' or 'parabola', got {self.subpixel!r}"
+                "perception.stereo.subpixel must be 'equiangular' or 'parabola', got "
+                f"{self.subpixel!r}"
             )
         if self.speckle_px < 0:
-            raise ConfigError(f"stereo.speckle-px must be 0 or more, got {self.speckle_px}")
+            raise ConfigError(
+                f"perception.stereo.speckle_px must be 0 or more, got {self.speckle_px}"
+            )
         for name in ("median_px", "mean_px"):
             if getattr(self, name) not in (1, 3, 5):
                 raise ConfigError(f"{name} must be 1, 3 or 5, got {getattr(self, name)}")

@@ -26,6 +26,7 @@ class ControllerConfig:
     """Whether an address that others can reach is meant: there is no authentication, as on a
     robot."""
     version: Version = "5.22"
+    """Of the software: what it tells, and which ports it serves."""
     model: str = "UR5"
     """What the dashboard names; a UR5e says UR5."""
     remote_control: bool = True

@@ -100,7 +100,7 @@ class SoftTissue:
         warnings.warn(
             f"the skin is indented by {depth * 1e3:.1f} mm; the tissue's linear elasticity was "
             f"validated to {LINEAR_LIMIT * 1e3:.0f} mm, and beyond it forces come out too small: "
-            "press less (--plan.contact.force), or stiffen the phantom (--scene.phantom.young)",
+            "press less (--contact.force), or stiffen the phantom (--scene.phantom.young)",
             stacklevel=3,
         )
 

@@ -40,3 +40,10 @@ def test_an_unwritable_cache_is_found_and_its_variable_named(monkeypatch, tmp_pa
     finding = next(f for f in doctor.examine() if "kernels" in f.what)
     assert not finding.works
     assert "NUMBA_CACHE_DIR" in finding.cure
+
+
+def test_a_version_that_does_not_fit_is_broken_though_all_else_works(monkeypatch):
+    monkeypatch.setattr(doctor, "unsuited", lambda: ["numpy is 1.26, needed is >=2.0"])
+    finding = next(f for f in doctor.examine() if f.what == "versions")
+    with pytest.raises(ConfigError, match="versions does not work: pip install"):
+        doctor.require_needed([finding])

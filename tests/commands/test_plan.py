@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -9,8 +8,11 @@ import trimesh
 from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
 from breastscan.geometry import kinematics, se3
+from breastscan.planning.feedrate import FeedrateLimits
+from breastscan.planning.pattern import PatternConfig
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
+from breastscan.scan import PlanningConfig
 from sim.wrist.probe import tip_pose
 
 CENTRE_B = np.array([0.5, 0.0, 0.08])
@@ -49,7 +51,7 @@ def test_a_cloud_becomes_a_loop_at_half_height_with_its_program(tmp_path, cloud)
     ring_mm = 1e3 * np.linalg.norm((tips(planned) - CENTRE_B)[:, :2], axis=1)
     np.testing.assert_allclose(ring_mm, 1e3 * RADIUS * np.sqrt(0.75), atol=0.5)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"path.csv", "trajectory.csv", "trajectory.json", "path.script"}
+    assert names == {"path.csv", "trajectory.csv", "trajectory.json", "path.script", "config.json"}
 
 
 def test_tables_hold_time_joints_and_tool_poses_that_agree(tmp_path, cloud):
@@ -75,13 +77,32 @@ def test_the_path_of_a_plan_gives_the_same_plan_again(tmp_path, cloud):
 
 
 def test_the_plate_may_lie_lower_than_the_cloud(tmp_path, cloud):
-    config = plan.PlanConfig(plate_height=0.07)
-    planned = plan.plan(cloud, tmp_path, settings=config)
+    planned = plan.plan(cloud, tmp_path, plate_height=0.07)
     np.testing.assert_allclose(tips(planned)[:, 2] * 1e3, 70.0 + 32.5, atol=0.5)
 
 
+def test_what_lays_a_path_on_a_cloud_is_refused_for_a_path_that_is_given(tmp_path, cloud):
+    plan.plan(cloud, tmp_path / "first")
+    path = tmp_path / "first" / "path.csv"
+    for options in (
+        {"plate_height": 0.07},
+        {"planning": PlanningConfig(pattern=PatternConfig(points=20))},
+    ):
+        with pytest.raises(ConfigError, match="leave them out for a path"):
+            plan.plan(path, tmp_path / "out", **options)
+
+
+def test_a_top_speed_that_other_limits_hide_is_told_with_them(tmp_path, cloud, capsys):
+    plan.plan(cloud, tmp_path, planning=PlanningConfig(feedrate=FeedrateLimits(speed=0.2)))
+    told = capsys.readouterr().out
+    assert "planning.feedrate.speed, 200 mm/s, is reached nowhere" in told
+    assert "normal_acceleration" in told
+    plan.plan(cloud, tmp_path)
+    assert "reached nowhere" not in capsys.readouterr().out
+
+
 def test_the_default_tool_is_the_twins():
-    tcp = np.array(plan.PlanConfig().tcp)
+    tcp = np.array(plan.TWIN_TCP)
     np.testing.assert_allclose(
         se3.from_rotation_vector(tcp[3:], tcp[:3]), tip_pose(np.pi / 4), atol=1e-7
     )
@@ -132,6 +153,5 @@ def test_missing_and_damaged_files_are_named(tmp_path, name):
 
 
 def test_a_calibration_that_is_none_stops_the_plan(tmp_path, cloud):
-    config = replace(plan.PlanConfig(), calibration=tmp_path / "calibration.conf")
     with pytest.raises(CalibrationError, match=r"calibration\.conf"):
-        plan.plan(cloud, tmp_path / "out", settings=config)
+        plan.plan(cloud, tmp_path / "out", calibration=tmp_path / "calibration.conf")

@@ -10,7 +10,7 @@ import trimesh
 from breastscan.camera.grey import read_grey
 from breastscan.commands.reconstruct import reconstruct
 from breastscan.errors import PerceptionError
-from breastscan.scan import ScanConfig
+from breastscan.scan import PerceptionConfig
 from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.depth_edges import edge_pair
 from experiments.ray_cast_dome import DomeScene
@@ -43,7 +43,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def run(folder: Path, out: Path, left: str = "left.png", right: str = "right.png"):
-    return reconstruct(folder / left, folder / right, folder / "rig.yaml", out, ScanConfig())
+    return reconstruct(folder / left, folder / right, folder / "rig.yaml", out, PerceptionConfig())
 
 
 def test_depth_map_is_the_depth_in_metres_to_a_fifth_of_a_millimetre(folder, tmp_path):
@@ -68,6 +68,7 @@ def test_cloud_on_disk_lies_on_the_sphere(folder, tmp_path):
     assert 1e3 * np.sqrt(np.mean(distance**2)) < 0.2
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "cloud.ply",
+        "config.json",
         "depth.tiff",
         "disparity.png",
     ]

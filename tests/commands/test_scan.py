@@ -2,21 +2,28 @@
 claims.
 """
 
+import errno
+import functools
 import json
+import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
 import polars as pl
 import pytest
+import tyro
 
 from breastscan.camera.interface import StereoCamera, StereoPair
+from breastscan.commands import settings
+from breastscan.commands.results import kept_elsewhere
 from breastscan.commands.scan import scan
-from breastscan.errors import CalibrationError, PerceptionError, PlanningError
+from breastscan.errors import CalibrationError, ConfigError, PerceptionError, PlanningError
 from breastscan.robot.interface import Robot
-from breastscan.scan import ScanConfig, Stages, perceive
+from breastscan.scan import PerceptionConfig, ScanConfig, Stages, perceive
 from breastscan.vision.camera import StereoRig
 from sim.arm.servo import ServoConfig
 from sim.cameras.camera import SimStereoCamera
@@ -117,11 +124,51 @@ def test_true_and_measured_force_agree_within_the_sensors_gain_and_noise(traject
     assert error.std() < 0.08
 
 
-def test_the_settings_of_a_run_are_written_with_versions_and_seed(folder):
+def test_the_settings_of_a_run_are_written_with_its_seed_and_where_it_came_from(folder):
     config = json.loads((folder / "config.json").read_text())
     assert config["seed"] == 0
-    assert config["scan"]["contact"]["force"] == 5.0
+    assert config["contact"]["force"] == 5.0
     assert "mujoco" in config["versions"]
+    assert {"date", "command", "commit"} <= set(config)
+
+
+def test_the_settings_of_a_run_are_those_of_a_scan_that_is_given_its_config(folder, tmp_path):
+    """What `--config` gives is what made the run, and what was left unset is still unset."""
+
+    @functools.wraps(scan)
+    def taken(**given):
+        return given
+
+    arguments = ["--config", str(folder / "config.json"), "--out", str(tmp_path)]
+    options, unused = settings.expanded(scan, arguments)
+    given = tyro.cli(taken, args=options)
+    assert unused == []
+    assert given["config"] == ScanConfig()
+    assert given["scene"] == SceneConfig()
+    assert (given["seed"], given["video"], given["rig"]) == (0, False, None)
+
+
+def test_what_was_measured_is_kept_elsewhere_when_its_folder_cannot_be_written(
+    folder, tmp_path, monkeypatch
+):
+    """A disk that is full after two megabytes."""
+    metrics = json.loads((folder / "metrics.json").read_text())
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda **_: str(elsewhere))
+
+    class Result:
+        def save(self, place):
+            (place / "trajectory.parquet").write_text("all of it")
+
+    with (
+        pytest.raises(ConfigError, match=r"No space left on device\): what was measured is in"),
+        kept_elsewhere(tmp_path / "out", Result(), {"seed": 0}, metrics),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert (elsewhere / "trajectory.parquet").read_text() == "all of it"
+    assert json.loads((elsewhere / "metrics.json").read_text()) == metrics
+    assert json.loads((elsewhere / "config.json").read_text())["seed"] == 0
 
 
 def test_the_twin_keeps_the_protocols():
@@ -140,14 +187,14 @@ def test_images_of_different_sizes_are_refused(rig):
         left=np.zeros((1024, 1280), np.uint8), right=np.zeros((960, 1280), np.uint8), time=0.0
     )
     with pytest.raises(PerceptionError, match="1280x960"):
-        perceive(pair, rig, ScanConfig(), Stages())
+        perceive(pair, rig, PerceptionConfig(), Stages())
 
 
 def test_an_image_without_a_breast_is_refused(rig):
     noise = np.random.default_rng(0).integers(100, 140, (1024, 1280), dtype=np.uint8)
     pair = StereoPair(left=noise, right=np.roll(noise, -120, axis=1), time=0.0)
     with pytest.raises(PerceptionError, match="expected a breast"):
-        perceive(pair, rig, ScanConfig(), Stages())
+        perceive(pair, rig, PerceptionConfig(), Stages())
 
 
 @pytest.mark.parametrize(

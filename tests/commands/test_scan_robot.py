@@ -1,6 +1,7 @@
 """What a scan with a robot refuses before anything moves."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,10 +43,30 @@ def test_a_robot_of_another_form_is_refused(option):
 
 
 @pytest.mark.parametrize(
-    "options", [{"yes": True}, {"dry_run": True}, {"camera": "devices:0,1"}, {"cell": "cell.json"}]
+    "options",
+    [
+        {"yes": True},
+        {"dry_run": True},
+        {"camera": "devices:0,1"},
+        {"cell": "cell.json"},
+        {"link": LinkLimits(slack=2.0)},
+    ],
 )
 def test_what_only_a_robot_has_is_refused_without_one(tmp_path, options):
     with pytest.raises(ConfigError, match="--robot"):
+        scan(tmp_path / "out", **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"fine": True, "video": False}, "--fine"),
+        ({"fine": True, "robot": NOBODY}, "--fine"),
+        ({"seed": 3, "robot": NOBODY, "cell": Path("c"), "camera": "folder:d"}, "--seed and scene"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(tmp_path, options, why):
+    with pytest.raises(ConfigError, match=why):
         scan(tmp_path / "out", **options)
 
 

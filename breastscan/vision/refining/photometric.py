@@ -44,7 +44,7 @@ class FitConfig:
     """A step smaller than this, RMS over the object, ends the iteration [px]."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "refine.fit")
+        require_positive(self, "perception.refine.fit")
 
 
 @dataclass(frozen=True, kw_only=True)

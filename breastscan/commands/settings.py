@@ -1,0 +1,312 @@
+"""Settings by the names that `config.json` has for them: on the command line, in a file, in the
+help.
+
+A command's settings are the fields of the frozen configs among its parameters. Each has one name,
+`scene.phantom.breast`; `--set scene.phantom.breast=dense`, a file given with `--config` and
+`--scene.phantom.breast dense` are told to the command line's parser alike, which checks them.
+"""
+
+import ast
+import dataclasses
+import difflib
+import inspect
+import json
+import re
+import textwrap
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import wraps
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import tyro
+import yaml
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from breastscan.errors import ConfigError
+
+READERS: dict[str, Callable[[str], Any]] = {
+    ".json": json.loads,
+    ".toml": tomllib.loads,
+    ".yaml": yaml.safe_load,
+    ".yml": yaml.safe_load,
+}
+"""What reads a file of settings, by how its name ends."""
+BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
+"""Words for a setting that is one or the other."""
+PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found"))
+"""What a `config.json` tells of its run, and no run takes."""
+OF_OTHERS = frozenset((
+    "seed", "video", "fine", "rig", "robot", "cell", "camera", "calibration", "dry_run", "yes",
+    "link", "tcp", "plate_height", "urscript", "perception", "planning", "contact", "safety",
+    "scene", "board", "twin",
+))  # fmt: skip
+"""What a `config.json` may hold that not every command has: left out there, and told."""
+EVERYDAY = (
+    "contact.force",
+    "contact.law",
+    "planning.feedrate.speed",
+    "planning.pattern.height_fraction",
+    "planning.pattern.points",
+    "perception.stereo.min_disparity",
+    "perception.stereo.num_disparities",
+    "perception.stereo.paths",
+    "perception.refine.spacing_px",
+    "scene.phantom.breast",
+    "scene.phantom.mechanics",
+    "scene.phantom.young",
+    "scene.phantom.seed",
+    "scene.breathing.amplitude",
+    "scene.arm.kinematics",
+    "scene.camera.quality",
+    "scene.wrist.quality",
+    "link.slack",
+    "controller.host",
+    "controller.expose",
+    "controller.version",
+    "board.columns",
+    "board.rows",
+    "board.square",
+    "clock",
+)
+"""What a user sets in a normal week; `--help` lists these, `--help-all` all."""
+
+
+HINT = (
+    "Settings: --set NAME=VALUE or --NAME VALUE, as often as needed, or --config FILE, the "
+    "config.json of an earlier run or TOML or YAML by hand; what is typed beside it wins."
+)
+SENTENCE_END = re.compile(r"(?<!Eq)(?<!Eqs)(?<!Sec)(?<!Ch)\. (?=[A-Z])")
+CONTINUED = re.compile(r"\n {12,}")
+"""Where the text of an argument goes on in a docstring."""
+MORE = " --help-all lists all of them; these, with their defaults, are the most used:"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Setting:
+    """One number, word or file that a command takes."""
+
+    kind: Any
+    """Its type, as annotated."""
+    default: Any
+    text: str
+    """What stands under it in its config; empty for a parameter of the command itself."""
+
+
+def settings_of(command: Callable) -> dict[str, Setting]:
+    """All settings of a command by name, in order; positional arguments have none."""
+    hints = get_type_hints(command, include_extras=True)
+    found = {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        if parameter.kind is not parameter.POSITIONAL_ONLY:
+            found |= _leaves(name, hints[name], parameter.default, "")
+    return found
+
+
+def _leaves(path: str, hint: Any, default: Any, text: str) -> dict[str, Setting]:
+    """The settings at and below a name."""
+    path = _named(path, hint)
+    if not dataclasses.is_dataclass(default):
+        return {path: Setting(kind=_bare(hint), default=default, text=text)}
+    hints = get_type_hints(type(default), include_extras=True)
+    texts = _texts(type(default))
+    found = {}
+    for field in dataclasses.fields(default):
+        below = f"{path}.{field.name}" if path else field.name
+        value = getattr(default, field.name)
+        found |= _leaves(below, hints[field.name], value, texts.get(field.name, ""))
+    return found
+
+
+def _named(path: str, hint: Any) -> str:
+    """A name, less what an annotation for the command line's parser takes away from it."""
+    for mark in getattr(hint, "__metadata__", ()):
+        if getattr(mark, "name", None) == "":
+            return ""
+        if getattr(mark, "prefix_name", None) is False:
+            return path.rpartition(".")[2]
+    return path
+
+
+def _bare(hint: Any) -> Any:
+    return hint.__origin__ if hasattr(hint, "__metadata__") else hint
+
+
+def _texts(config: type) -> dict[str, str]:
+    """What stands under the fields of a config."""
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(config))).body
+    assert isinstance(tree, ast.ClassDef)
+    found = {}
+    for field, below in zip(tree.body, tree.body[1:], strict=False):
+        match field, below:
+            case (
+                ast.AnnAssign(target=ast.Name(id=name)),
+                ast.Expr(value=ast.Constant(value=str(text))),
+            ):
+                found[name] = " ".join(text.split())
+    return found
+
+
+def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Put options in the place of `--set` and `--config`; a file's come first, so that others win.
+
+    Args:
+        command: What the arguments are for.
+        arguments: As typed, without the command's name.
+
+    Returns:
+        The arguments, and what the files hold that is not this command's.
+
+    Raises:
+        ConfigError: A file cannot be read, or a name is none of a setting.
+    """
+    known = settings_of(command)
+    typed: list[str] = []
+    filed: list[str] = []
+    unused: list[str] = []
+    rest = iter(arguments)
+    for argument in rest:
+        option, _, value = argument.partition("=")
+        if option not in ("--set", "--config"):
+            typed.append(argument)
+            continue
+        value = value or next(rest, "")
+        if option == "--set":
+            typed += _from_text(known, value)
+        else:
+            filed += _from_file(known, Path(value), unused)
+    return filed + typed, unused
+
+
+def _from_text(known: dict[str, Setting], text: str) -> list[str]:
+    """The option of one `PATH=VALUE`."""
+    path, equals, value = text.partition("=")
+    path = path.replace("-", "_")
+    if not equals:
+        raise ConfigError(f"--set takes NAME=VALUE, as contact.force=3; got {text!r}", text)
+    _require_setting(known, path)
+    if known[path].kind is bool:
+        if value.lower() not in BOOLEANS:
+            raise ConfigError(f"{path} is true or false, got {value!r}", value)
+        return _option(path, BOOLEANS[value.lower()], known[path])
+    if get_origin(known[path].kind) is tuple:
+        return _option(path, value.strip("[]() ").replace(",", " ").split(), known[path])
+    return _option(path, value, known[path])
+
+
+def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list[str]:
+    """The options of a file."""
+    if path.suffix not in READERS:
+        raise ConfigError(
+            f"--config takes a file that ends in {', '.join(READERS)}, as a run's config.json; got "
+            f"{str(path)!r}",
+            path,
+        )
+    try:
+        content = READERS[path.suffix](path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}", path) from error
+    except (ValueError, yaml.YAMLError) as error:  # JSON's and TOML's errors are ValueErrors
+        raise ConfigError(f"{path} is no {path.suffix[1:].upper()} ({error})", path) from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path} should hold settings by name, as a run's config.json", path)
+    found = []
+    for name, value in _flat("", content, known):
+        top = _top(name)
+        if top in PROVENANCE:
+            continue
+        if top in OF_OTHERS and not any(_top(setting) == top for setting in known):
+            unused.append(name)
+            continue
+        _require_setting(known, name, f" (in {path})")
+        found += _option(name, value, known[name])
+    return found
+
+
+def _top(name: str) -> str:
+    return name.partition(".")[0]
+
+
+def _flat(prefix: str, content: dict, known: dict[str, Setting]) -> Iterator[tuple[str, Any]]:
+    """Nested names and their values; what is below nothing that is known stays whole."""
+    for key, value in content.items():
+        name = f"{prefix}{key}".replace("-", "_")
+        if isinstance(value, dict) and any(path.startswith(f"{name}.") for path in known):
+            yield from _flat(f"{name}.", value, known)
+        else:
+            yield name, value
+
+
+def _require_setting(known: dict[str, Setting], name: str, where: str = "") -> None:
+    if name in known:
+        return
+    near = difflib.get_close_matches(name, known, 3)
+    leaf = [path for path in known if _ends(path, name)]
+    meant = f", did you mean {' or '.join(near or leaf[:3])}?" if near or leaf else "."
+    raise ConfigError(
+        f"there is no setting {name!r}{where}{meant} --help-all lists every setting", name
+    )
+
+
+def _ends(path: str, name: str) -> bool:
+    return path.rpartition(".")[2] == name.rpartition(".")[2]
+
+
+def _option(path: str, value: Any, setting: Setting) -> list[str]:
+    """A setting as the parser takes it."""
+    group, dot, name = path.replace("_", "-").rpartition(".")
+    if setting.kind is bool and isinstance(value, bool):
+        return [f"--{group}{dot}{'' if value else 'no-'}{name}"]
+    values = value if isinstance(value, list | tuple) else [value]
+    return [f"--{group}{dot}{name}", *map(str, values)]
+
+
+def print_help(name: str, command: Callable, console: Console, *, everything: bool) -> None:
+    """Print a command's options, then its settings by name."""
+    with suppress(SystemExit):
+        tyro.cli(_without_settings(command), args=["--help"], prog=f"breastscan {name}")
+    shown = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
+    for path, setting in settings_of(command).items():
+        if setting.text and (everything or path in EVERYDAY):
+            told = _told(setting, everything=everything)
+            shown.add_row(f"  {path}", _default(setting.default), told)
+    if shown.row_count:
+        console.print(HINT if everything else HINT + MORE, highlight=False)
+        console.print(shown)
+
+
+def _without_settings(command: Callable) -> Callable:
+    """A command of the same help whose parameters are only those that are no configs."""
+
+    @wraps(command)
+    def shown(*_: object, **__: object) -> None:
+        raise AssertionError("asked for its help alone")
+
+    signature = inspect.signature(command)
+    plain = [
+        parameter
+        for parameter in signature.parameters.values()
+        if not dataclasses.is_dataclass(parameter.default)
+    ]
+    del shown.__wrapped__  # the parser would read its docstring instead  # pyright: ignore
+    shown.__signature__ = signature.replace(parameters=plain)  # pyright: ignore
+    hints = get_type_hints(command, include_extras=True)
+    # the parser breaks its lines where the docstring has them, and again where they are too long
+    shown.__doc__ = CONTINUED.sub(" ", command.__doc__ or "")
+    shown.__annotations__ = {parameter.name: hints[parameter.name] for parameter in plain}
+    return shown
+
+
+def _told(setting: Setting, *, everything: bool) -> str:
+    """Its text, the first sentence unless everything is asked for, and the choices."""
+    text = setting.text if everything else SENTENCE_END.split(setting.text)[0].removesuffix(".")
+    if get_origin(setting.kind) is Literal:
+        text += f" {{{', '.join(map(str, get_args(setting.kind)))}}}"
+    return escape(text)
+
+
+def _default(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
