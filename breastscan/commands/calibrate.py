@@ -16,7 +16,7 @@ from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.report import calibration_figures as draw
 from breastscan.run.writing import staged, write_settings
 from breastscan.vision import calibration
-from breastscan.vision.boards.board import Board
+from breastscan.vision.board import Board
 from breastscan.vision.calibration import Calibration
 from breastscan.vision.rigs.camera_info import write_camera_info
 

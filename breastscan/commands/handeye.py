@@ -19,7 +19,7 @@ from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.report import calibration_figures as draw
 from breastscan.run.writing import staged, write_settings
-from breastscan.vision.boards.board import Board
+from breastscan.vision.board import Board
 from breastscan.vision.camera import StereoRig
 from breastscan.vision.hand_eye import HandEye, hand_eye
 

@@ -26,7 +26,7 @@ from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
 from breastscan.report.calibration_figures import write_png
 from breastscan.run import writing
-from breastscan.vision.boards.board import Board, BoardShot, find_shot
+from breastscan.vision.board import Board, BoardShot, find_shot
 from breastscan.vision.calibration import Calibration
 from breastscan.vision.hand_eye import HandEye
 

@@ -55,7 +55,8 @@ class PatternConfig:
             )
         if not 0.0 < self.height_fraction < 1.0:
             raise ConfigError(
-                f"planning.pattern.height_fraction must lie between 0 and 1, not {self.height_fraction}",
+                "planning.pattern.height_fraction must lie between 0 and 1, not "
+                f"{self.height_fraction}",
                 self.height_fraction,
             )
         require_positive(self, "planning.pattern")

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
+from breastscan.vision.board import Board, BoardShot
 from breastscan.vision.boards import bundle
-from breastscan.vision.boards.board import Board, BoardShot
 from breastscan.vision.boards.calibration_quality import Quality, check, image_coverage, tilt_spread
 from breastscan.vision.camera import Intrinsics, StereoRig
 

@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
+from breastscan.vision.board import Board, BoardShot
 from breastscan.vision.boards import bundle
-from breastscan.vision.boards.board import Board, BoardShot
 from breastscan.vision.calibration import board_pose
 from breastscan.vision.camera import StereoRig
 

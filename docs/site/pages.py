@@ -16,6 +16,7 @@ INDEX = f"{API}/index.md"
 STABLE = {
     "breastscan.vision.stereo": ["disparity_map", "StereoConfig"],
     "breastscan.vision.camera": ["StereoRig"],
+    "breastscan.vision.board": ["Board", "find_corners"],
     "breastscan.geometry.nurbs": ["Nurbs"],
     "breastscan.geometry.kinematics": ["forward", "inverse", "jacobian"],
     "breastscan.planning.feedrate": ["interpolate", "FeedrateLimits"],

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from breastscan.geometry import se3
-from breastscan.vision.boards.board import Board
+from breastscan.vision.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
 from sim.rig_errors import rig_errors
 from sim.room.describe import Element, add_material, add_visual, placed

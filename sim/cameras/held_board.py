@@ -14,7 +14,7 @@ from jaxtyping import Float
 from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
-from breastscan.vision.boards.board import Board
+from breastscan.vision.board import Board
 from sim.cameras.board import BoardScene, X_FBoard, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.camera_errors import CameraConfig

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
-from breastscan.vision.boards.board import Board
+from breastscan.vision.board import Board
 from breastscan.vision.camera import Intrinsics, StereoRig
 from sim.cameras.board import BoardScene, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera

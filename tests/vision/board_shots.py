@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from breastscan.geometry import se3
-from breastscan.vision.boards.board import Board, BoardShot
+from breastscan.vision.board import Board, BoardShot
 from breastscan.vision.camera import Intrinsics, StereoRig
 
 BOARD = Board()

@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
-from breastscan.vision.boards.board import BoardShot
+from breastscan.vision.board import BoardShot
 from breastscan.vision.boards.bundle import reprojection
 from breastscan.vision.boards.calibration_quality import Quality, check, tilt_spread
 from breastscan.vision.calibration import board_pose, calibrate, fit_pose

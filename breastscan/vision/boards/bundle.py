@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from breastscan.geometry import se3
-from breastscan.vision.boards.board import Board, BoardShot
+from breastscan.vision.board import Board, BoardShot
 from breastscan.vision.camera import Intrinsics, StereoRig
 
 FOCAL_AND_CENTRE = ([0, 1, 0, 1], [0, 1, 2, 2])

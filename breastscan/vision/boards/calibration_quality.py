@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import CalibrationError
-from breastscan.vision.boards.board import BoardShot
+from breastscan.vision.board import BoardShot
 
 CELLS = (8, 6)
 """Columns and rows of the cells in which corners are counted."""

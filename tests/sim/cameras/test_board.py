@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from breastscan.geometry import kinematics, se3
-from breastscan.vision.boards.board import Board, find_shot
+from breastscan.vision.board import Board, find_shot
 from breastscan.vision.boards.bundle import reprojection
 from sim.cameras.board import BoardScene, X_FBoard, seen_by_both
 from sim.cameras.camera import SimStereoCamera

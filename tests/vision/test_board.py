@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from breastscan.errors import CalibrationError
-from breastscan.vision.boards.board import Board, find_corners, find_shot
+from breastscan.vision.board import Board, find_corners, find_shot
 from tests.vision.board_shots import BOARD, SIZE, make_rig, picture, poses_in_view, project
 
 
