@@ -63,7 +63,7 @@ class FuzzyGains:
         ):
             if swing > 1.0:
                 raise ConfigError(
-                    f"fuzzy.{name}-swing must be 1 at most, got {swing}: a gain that turns "
+                    f"{name}_swing must be 1 at most, got {swing}: a gain that turns "
                     "negative would push the wrong way",
                     swing,
                 )

@@ -132,5 +132,5 @@ def test_cloud_without_points_has_no_breast():
     [{"cut_height": 0.0}, {"plane_tolerance": -1.0}, {"width_range": (0.2, 0.1)}, {"planes": 0}],
 )
 def test_settings_that_cannot_work_are_refused(wrong):
-    with pytest.raises(ConfigError, match=next(iter(wrong)).replace("_", "-")):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
         SegmentConfig(**wrong)

@@ -85,5 +85,5 @@ def test_a_big_and_growing_error_gets_the_largest_proportional_gain():
 
 
 def test_a_swing_that_could_turn_a_gain_negative_is_refused():
-    with pytest.raises(ConfigError, match="derivative-swing"):
+    with pytest.raises(ConfigError, match="derivative_swing"):
         FuzzyGains(derivative_swing=1.1)

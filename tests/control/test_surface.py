@@ -90,5 +90,5 @@ def test_in_the_air_nothing_is_learnt():
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():
-    with pytest.raises(ConfigError, match=r"contact\.surface\.stiffness-spread"):
+    with pytest.raises(ConfigError, match=r"contact\.surface\.stiffness_spread"):
         ContactConfig(surface=SurfaceConfig(stiffness_spread=0.0))

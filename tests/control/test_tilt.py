@@ -73,5 +73,5 @@ def test_without_a_firm_contact_or_a_good_sensor_nothing_is_turned(change):
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():
-    with pytest.raises(ConfigError, match=r"contact\.tilt\.time-constant"):
+    with pytest.raises(ConfigError, match=r"contact\.tilt\.time_constant"):
         ContactConfig(tilt=TiltConfig(time_constant=0.0))

@@ -164,5 +164,5 @@ def test_an_empty_band_is_refused():
     [("points", 3), ("height_fraction", 1.0), ("patch_radius", 0.0), ("largest_gap", -1.0)],
 )
 def test_settings_that_make_no_loop_are_named(name, value):
-    with pytest.raises(ConfigError, match=name.replace("_", "-")):
+    with pytest.raises(ConfigError, match=name):
         PatternConfig(**{name: value})
