@@ -71,8 +71,8 @@ def plan(
         planning: Every setting of it.
 
     Raises:
-        ConfigError: The source cannot be read, is a path where settings are for a cloud, or `out`
-            cannot be written.
+        ConfigError: The source cannot be read, is a path where settings are for a cloud, a margin
+            is set that nothing measures, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
         PlanningError: The path does not close, or the arm cannot follow it.
     """
@@ -84,6 +84,12 @@ def plan(
             source,
         )
     path = _path(source) if is_path else _loop(source, plate_height, planning.pattern)
+    if planning.joints.collision_margin != JointPathConfig.collision_margin:
+        raise ConfigError(
+            "planning.joints.collision_margin is a distance that nothing measures here, where no "
+            "cell is known: leave it out",
+            planning.joints.collision_margin,
+        )
     arm = (
         KinematicCalibration.nominal()
         if calibration is None
