@@ -315,14 +315,14 @@ def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, 
 
 
 HOMOGENEOUS = LayerConfig()
-MASS = LayerConfig(mass_radius=0.004, mass_p_S=(0.0, 0.0, 0.04))
+MASS = LayerConfig(mass_radius=0.009, mass_p_S=(0.0, 0.0, 0.04))
 GLAND = LayerConfig(gland_fraction=0.6)
 
 
 @pytest.mark.parametrize(
     ("layers", "others"),
     [
-        (HOMOGENEOUS, replace(MASS, mass_radius=0.006)),
+        (HOMOGENEOUS, MASS),
         (MASS, replace(MASS, mass_ratio=8.0)),
         (MASS, replace(MASS, mass_p_S=(0.001, 0.0, 0.04))),
         (GLAND, replace(GLAND, gland_fraction=0.62)),
