@@ -3,7 +3,7 @@
 import inspect
 import tempfile
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +15,6 @@ import pytest
 from breastscan.commands.shots import ShotFolder
 from breastscan.errors import BreastScanError
 from breastscan.planning.motion import Motion
-from breastscan.robot.ur.preflight import Controller
 from breastscan.run import writing
 from breastscan.scan import PlanningConfig
 from breastscan.vision.board import BoardShot
@@ -30,6 +29,16 @@ PATHS = {"clock": "controller.clock"}
 
 class Handed(Exception):
     """Ends a command when everything has been handed over."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a controller says of itself."""
+
+    host: str = "127.0.0.43"
+    version: tuple[int, ...] = (5, 22, 0, 0)
+    model: str = "UR5"
+    serial: str = "1"
 
 
 def recorder(name: str, answer: Any, calls: list) -> Any:
@@ -91,7 +100,6 @@ def recorded_by(command: str) -> dict[str, Any]:
     report = {"write_report": None, "summarise": None}
     names = "stage", "follow", "planned", "linger"
     viewer = nullcontext(SimpleNamespace(**dict.fromkeys(names, print)))
-    found = Controller(host="a", version=(5, 22, 0, 0), model="UR5", serial="1")
     return {
         "calibrate": {"sim.cameras.shown_board.ShownBoard": (), "files.read_shots": Handed},
         "handeye": {
@@ -106,7 +114,7 @@ def recorded_by(command: str) -> dict[str, Any]:
         "reconstruct": {"scan.match": (None, None), "scan.reconstruct_breast": Handed},
         "scan": report | {
             "build_world": (None, None), "measured_scan": (scanned(), {}), "render_video": None,
-            "filament.unusable": None, "preflight.examine": found,
+            "filament.unusable": None, "preflight.examine": Found(),
             "preflight.require_full_speed": None, "preflight.require_plausible_sensor": None,
             "RtdeRobot": SimpleNamespace(close=lambda: None), "run_scan": scanned(),
             "Clearance": None, "SimStereoCamera": None, "open_camera": None,
