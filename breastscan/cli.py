@@ -63,15 +63,15 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments[0] == "--version":
         print(f"breastscan {version_of('breastscan')}")
         return
-    if arguments[0] == "--completion":
-        with twin_imports():
-            print(completion.script(COMMANDS), end="")
-        return
     with _errors_told(Console(stderr=True, highlight=False, soft_wrap=True)) as errors:
         _run(errors, *arguments)
 
 
 def _run(errors: Console, name: str, *arguments: str) -> None:
+    if name == "--completion":
+        with twin_imports():
+            print(completion.script(COMMANDS), end="")
+        return
     require_known(name, COMMANDS, "command")
     with twin_imports():
         command = getattr(import_module(f"breastscan.commands.{name}"), name)

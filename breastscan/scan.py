@@ -18,6 +18,7 @@ from jaxtyping import Float, Float32
 from breastscan import execution, scan_log
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
+from breastscan.checks import require_positive
 from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
@@ -67,6 +68,9 @@ class PerceptionConfig:
     cloud_points: int = 4000
     """Points that down-sampling keeps."""
 
+    def __post_init__(self) -> None:
+        require_positive(self, "perception", but=("stereo", "segment", "refine"))
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlanningConfig:
@@ -74,7 +78,8 @@ class PlanningConfig:
 
     pattern: PatternConfig = field(default_factory=PatternConfig)
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
-    joints: JointPathConfig = field(default_factory=JointPathConfig)
+    joints: JointPathConfig = field(default_factory=lambda: JointPathConfig(floor=0.25))
+    """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +87,7 @@ class ScanConfig:
     """Every setting of the pipeline, stage by stage."""
 
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
-    planning: PlanningConfig = field(
-        default_factory=lambda: PlanningConfig(joints=JointPathConfig(floor=0.25))
-    )
-    """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
+    planning: PlanningConfig = field(default_factory=PlanningConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
     safety: SafetyLimits = field(default_factory=SafetyLimits)
 

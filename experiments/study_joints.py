@@ -135,7 +135,7 @@ def _limit_row(walk: Walk) -> str:
     limits, swing = values["limits"], np.asarray(values["swing_deg"])
     assert isinstance(limits, dict)
     fractions = " | ".join(
-        f"{use['share']:.1%} (joint {use['joint']}, {use['time_s']:.1f} s)"
+        f"{use['fraction']:.1%} (joint {use['joint']}, {use['time_s']:.1f} s)"
         for use in limits.values()
     )
     walked = float(np.max(np.asarray(values["acceleration_peak_rad_s2"])))

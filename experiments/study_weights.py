@@ -85,10 +85,10 @@ def _draw(
     curves: dict[float, Nurbs],
     u: np.ndarray,
 ) -> None:
-    figure, ((pulling, passing),) = theme.panels(1, 2, height_in=4.9, sharex=True, sharey=True)
+    figure, ((pulling, through),) = theme.panels(1, 2, height_in=4.9, sharex=True, sharey=True)
     vertices = pulled[1.0].control_points[:POINTS] * 1e3  # a closed curve repeats its first three
     titles = ("The same control vertices", "Through the same points")
-    for axis, title, family in zip((pulling, passing), titles, (pulled, curves), strict=True):
+    for axis, title, family in zip((pulling, through), titles, (pulled, curves), strict=True):
         for look, (weight, curve) in zip(theme.FAMILY, family.items(), strict=False):
             x, y = curve.evaluate(u).T * 1e3
             axis.plot(x, y, **look.line, label=f"weight {weight:g}", linewidth=1.6)
@@ -103,7 +103,7 @@ def _draw(
         label="vertices",
     )
     pulling.plot(*vertices[VERTEX], "ks", markersize=7, label="weighted vertex")
-    passing.plot(*(points * 1e3).T, "ko", markersize=4, label="points")
+    through.plot(*(points * 1e3).T, "ko", markersize=4, label="points")
     pulling.set_ylabel("y [mm]")
-    theme.legend_below(figure, [*pulling.get_lines(), passing.get_lines()[-1]], 6)
+    theme.legend_below(figure, [*pulling.get_lines(), through.get_lines()[-1]], 6)
     theme.write_png(figure, path)

@@ -51,10 +51,11 @@ class Twin:
             ConfigError: The seed is negative, or the phantom cannot be or cannot be seen.
             CalibrationError: The rig's file cannot be used, or `rig` has no place in the base.
         """
-        self._stages = stages or Stages()
-        with self._stages.stage("tissue") as report_share:
+        with (stages or Stages()).stage("tissue") as report_fraction:
             self.scene = Scene(config.seeded(seed))
-            self.tissue = build_mechanics(self.scene.phantom, lambda share, _: report_share(share))
+            self.tissue = build_mechanics(
+                self.scene.phantom, lambda fraction, _: report_fraction(fraction)
+            )
         self.robot = SimRobot(self.scene, self.tissue)
         cell = cell_of(self.scene)
         self.cell: Cell = cell if rig is None else replace(cell, rig=rig)
@@ -66,8 +67,7 @@ class Twin:
         Raises:
             ConfigError: No OpenGL is usable.
         """
-        with self._stages.stage("cameras"):
-            return SimStereoCamera(self.scene, self.robot)
+        return SimStereoCamera(self.scene, self.robot)
 
     @cached_property
     def clearances(self) -> Clearance:

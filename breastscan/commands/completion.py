@@ -15,6 +15,8 @@ _breastscan() {{
 {cases}
   esac
   COMPREPLY=($(compgen -W "$words" -- "$word"))
+  [[ ${{COMPREPLY[0]}} == *= ]] && compopt -o nospace 2>/dev/null
+  return 0
 }}
 complete -o default -F _breastscan breastscan
 """

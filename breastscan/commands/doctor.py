@@ -75,7 +75,7 @@ def examine() -> list[Finding]:
 def _versions() -> Finding:
     found = unsuited()
     detail = "; ".join(found) or "as pyproject.toml asks"
-    return Finding("versions", not found, detail, "pip install --upgrade breastscan")
+    return Finding("versions", not found, detail, "pip install -r requirements.lock")
 
 
 def _opengl() -> Finding:

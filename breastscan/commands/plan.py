@@ -41,6 +41,10 @@ TWIN_TCP = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
 tool bent by 45 degrees."""
 
 
+ABOVE_TABLE = PlanningConfig(joints=JointPathConfig())
+"""Of points that need not lie on a body: the arm keeps clear of the table alone."""
+
+
 def plan(
     source: tyro.conf.Positional[Path],
     /,
@@ -49,7 +53,7 @@ def plan(
     tcp: tuple[float, float, float, float, float, float] = TWIN_TCP,
     calibration: Path | None = None,
     plate_height: float | None = None,
-    planning: PlanningConfig = PlanningConfig(),  # noqa: B008 (frozen)
+    planning: PlanningConfig = ABOVE_TABLE,
 ) -> Motion:
     """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
@@ -67,8 +71,8 @@ def plan(
         planning: Every setting of it.
 
     Raises:
-        ConfigError: The source cannot be read, is a path where settings are for a cloud, or `out`
-            cannot be written.
+        ConfigError: The source cannot be read, is a path where settings are for a cloud, a margin
+            is set that nothing measures, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
         PlanningError: The path does not close, or the arm cannot follow it.
     """
@@ -80,6 +84,12 @@ def plan(
             source,
         )
     path = _path(source) if is_path else _loop(source, plate_height, planning.pattern)
+    if planning.joints.collision_margin != JointPathConfig.collision_margin:
+        raise ConfigError(
+            "planning.joints.collision_margin is a distance that nothing measures here, where no "
+            "cell is known: leave it out",
+            planning.joints.collision_margin,
+        )
     arm = (
         KinematicCalibration.nominal()
         if calibration is None
@@ -135,7 +145,7 @@ def _write_tables(
     t = PERIOD * np.arange(len(planned.q))
     values = np.hstack([t[:, None], planned.q, se3.pose_vector(X_BP)])
     rows = pl.DataFrame(values, schema=list(COLUMNS))
-    rows.write_csv(folder / "trajectory.csv", float_precision=9)
+    writing.write_csv(folder / "trajectory.csv", rows, digits=9)
     content = {
         "tcp": se3.pose_vector(X_FP),
         "q_approach_rad": planned.q_approach,

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from polars.exceptions import PolarsError
-
 from breastscan import report
 from breastscan.commands.console import console
 from breastscan.errors import ConfigError
@@ -24,7 +22,7 @@ def keep_aborted(out: Path) -> Keep:
     def keep(trajectory: Trajectory, error: BaseException) -> None:
         try:
             folder = write_aborted(out, trajectory, error)
-        except (OSError, PolarsError):
+        except OSError:
             folder = write_aborted(_elsewhere(), trajectory, error)
         console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
 
@@ -44,12 +42,12 @@ def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
     """
     try:
         yield
-    except (OSError, PolarsError) as error:
+    except OSError as error:
         folder = _elsewhere()
         save(folder)
-        reason = getattr(error, "strerror", None) or error
         raise ConfigError(
-            f"cannot write to {out} ({reason}): what was measured is in {folder}", out
+            f"cannot write to {out} ({error.strerror or error}): what was measured is in {folder}",
+            out,
         ) from error
 
 

@@ -27,7 +27,7 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
-from breastscan.run.writing import staged
+from breastscan.run.writing import require_writable, staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages
 from breastscan.scan import scan as run_scan
 from breastscan.vision.camera import StereoRig
@@ -117,6 +117,7 @@ def scan(
         return
     host = host_of(robot)
     world = Scene(drawn)
+    whole = robot_cell(world, cell, rig, calibration, link)
     settings |= {
         "robot": robot,
         "cell": cell,
@@ -124,13 +125,12 @@ def scan(
         "calibration": calibration,
         "dry_run": dry_run,
         "yes": yes,
-        "link": link,
+        "link": whole.link,
     }
 
     def open_stereo() -> StereoCamera:
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
-    whole = robot_cell(world, cell, rig, calibration, link)
     _scan_robot(out, settings, host, whole, open_stereo, config, in_air=dry_run, agreed=yes)
 
 
@@ -153,11 +153,14 @@ def _scan_twin(
 ) -> None:
     """Scan, measure, film, and leave a complete run folder in `out`."""
     estimated = None if rig is None else StereoRig.load(rig)
+    require_writable({**settings, **vars(config)})
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
+            with stages.stage("cameras"):
+                camera = twin.camera
             result = run_scan(
-                twin.robot, twin.camera, twin.cell, config, clearances=twin.clearances,
+                twin.robot, camera, twin.cell, config, clearances=twin.clearances,
                 stages=stages, on_plan=tell_plan, keep=keep_aborted(out),
             )  # fmt: skip
             with stages.stage("truth"):
@@ -228,11 +231,12 @@ def _scan_robot(
     agreed: bool,
 ) -> None:
     """Check, scan, and leave a run folder in `out`, without what only a simulation knows."""
-    config = replace(config, safety=config.safety.with_slack(cell.link.slack))
+    patient = replace(config, safety=config.safety.with_slack(cell.link.slack))
     if not (in_air or agreed or sys.stdin.isatty()):
         raise SafetyError(
             "nobody is there to agree to the contact: run in a terminal, or give --yes", None
         )
+    require_writable({**settings, **vars(config)})
     clearances = Clearance(cell, with_chest=False)
 
     def shown(plan: ScanPlan) -> None:
@@ -262,13 +266,15 @@ def _scan_robot(
                 arm,
                 open_stereo(),
                 cell,
-                config,
+                patient,
                 clearances=clearances,
                 stages=stages,
                 on_plan=shown,
                 keep=keep_aborted(out),
                 in_air=in_air,
             )
+
+        result = replace(result, config=config)  # as it was set
 
         def save(place: Path) -> None:
             result.save(place, **settings, robot_found=controller)

@@ -38,12 +38,12 @@ READERS: dict[str, Callable[[str], Any]] = {
 """What reads a file of settings, by how its name ends."""
 BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 """Words for a setting that is one or the other."""
-PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found"))
-"""What a `config.json` tells of its run, and no run takes."""
+PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found", "yes"))
+"""What a `config.json` tells of its run, and no run takes: consent to a contact is given anew."""
 OF_OTHERS = frozenset((
-    "seed", "video", "fine", "rig", "robot", "cell", "camera", "calibration", "dry_run", "yes",
+    "seed", "video", "fine", "rig", "robot", "cell", "camera", "calibration", "dry_run",
     "link", "tcp", "plate_height", "urscript", "perception", "planning", "contact", "safety",
-    "scene", "board", "twin",
+    "scene", "board", "twin", "controller", "clock", "out", "web", "host", "port",
 ))  # fmt: skip
 """What a `config.json` may hold that not every command has: left out there, and told."""
 EVERYDAY = (
@@ -190,10 +190,6 @@ def _from_text(known: dict[str, Setting], text: str) -> list[str]:
     if not equals:
         raise ConfigError(f"--set takes NAME=VALUE, as contact.force=3; got {text!r}", text)
     _require_setting(known, path)
-    if known[path].kind is bool:
-        if value.lower() not in BOOLEANS:
-            raise ConfigError(f"{path} is true or false, got {value!r}", value)
-        return _option(path, BOOLEANS[value.lower()], known[path])
     if get_origin(known[path].kind) is tuple:
         return _option(path, value.strip("[]() ").replace(",", " ").split(), known[path])
     return _option(path, value, known[path])
@@ -224,7 +220,8 @@ def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list
             unused.append(name)
             continue
         _require_setting(known, name, f" (in {path})")
-        found += _option(name, value, known[name])
+        if value is not None or type(None) in get_args(known[name].kind):  # else not set
+            found += _option(name, value, known[name])
     return found
 
 
@@ -258,11 +255,26 @@ def _ends(path: str, name: str) -> bool:
 
 
 def _option(path: str, value: Any, setting: Setting) -> list[str]:
-    """A setting as the parser takes it."""
+    """A setting as the parser takes it.
+
+    Raises:
+        ConfigError: It is one of true and false, and the value is neither; or it takes one value,
+            and there are several.
+    """
     group, dot, name = path.replace("_", "-").rpartition(".")
-    if setting.kind is bool and isinstance(value, bool):
+    if bool in (setting.kind, *get_args(setting.kind)):
+        value = BOOLEANS.get(str(value).lower(), value)
+    if setting.kind is bool:
+        if not isinstance(value, bool):
+            raise ConfigError(f"{path} is true or false, got {value!r}", value)
         return [f"--{group}{dot}{'' if value else 'no-'}{name}"]
-    values = value if isinstance(value, list | tuple) else [value]
+    if isinstance(value, dict) or (
+        isinstance(value, list) and get_origin(setting.kind) is not tuple
+    ):
+        raise ConfigError(
+            f"{path} takes one value, got {value!r}; a force law of one's own is for Python", value
+        )
+    values = value if isinstance(value, list) else [value]
     return [f"--{group}{dot}{name}", *map(str, values)]
 
 

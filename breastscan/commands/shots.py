@@ -130,7 +130,7 @@ def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None
     """Write `poses.csv`: the flange's pose at each shot."""
     values = se3.pose_vector(np.stack(list(X_BF.values())))
     table = pl.DataFrame({"name": list(X_BF), **dict(zip(POSE_COLUMNS, values.T, strict=True))})
-    table.write_csv(folder / POSES_FILE)
+    writing.write_csv(folder / POSES_FILE, table)
 
 
 def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
@@ -189,9 +189,8 @@ def write_results(
         "right_px": pl.Float64,
         "left_out": pl.String,
     }
-    pl.DataFrame(sorted(rows), schema=columns, orient="row").write_csv(
-        folder / "residuals.csv", float_precision=4
-    )
+    table = pl.DataFrame(sorted(rows), schema=columns, orient="row")
+    writing.write_csv(folder / "residuals.csv", table, digits=4)
 
 
 def tell_results(out: Path, metrics: dict[str, object]) -> None:

@@ -17,6 +17,10 @@ def twin(
     """Serve the twin as a UR controller until Ctrl-C: RTDE, dashboard and script ports, in real
     time.
 
+    Give the scan that drives it the same --seed and the same settings of the scene: what stands
+    where, both need; arm, wrist and tissue are simulated here, and the pictures (scene.camera, the
+    phantom's texture) are taken there.
+
     Args:
         out: Folder for truth.parquet, what really happened.
         seed: Of the phantom's shape and the sensor's noise, as `scan` takes it.

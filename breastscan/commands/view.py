@@ -71,8 +71,10 @@ def view(
         with staged(out) as folder:
             stages = Stages(viewer.stage)
             viewer.follow(twin.robot)
+            with stages.stage("cameras"):
+                camera = twin.camera
             result = scan(
-                twin.robot, twin.camera, twin.cell, config, clearances=twin.clearances,
+                twin.robot, camera, twin.cell, config, clearances=twin.clearances,
                 stages=stages, on_plan=shown, keep=keep_aborted(out),
             )  # fmt: skip
             with stages.stage("truth"):
@@ -88,7 +90,8 @@ def view(
         summarise(out, result)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):
-            viewer.linger(tuple((name, f"{result.metrics[name]:.3f}") for name in SHOWN))
+            shown_metrics = [name for name in SHOWN if name in result.metrics]
+            viewer.linger(tuple((name, f"{result.metrics[name]:.3f}") for name in shown_metrics))
 
 
 def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:

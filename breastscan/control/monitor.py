@@ -149,7 +149,8 @@ def _wrench(
 
 def _jump(now: Observation, before: MonitorMemory, limits: SafetyLimits) -> str:
     """What a jump of the force tells: on its way down, a probe may have met something hard."""
-    was, force, advance = -before.wrench_P[2], -now.wrench_P[2], now.depth - before.depth
+    was, force = -before.wrench_P[2], -now.wrench_P[2]
+    advance = now.depth - before.depth
     jumped = f"the measured force jumped from {was:.1f} to {force:.1f} N between two samples"
     if force < was or was > limits.force_step or advance <= 0.0:
         return f"{jumped}, no contact does that: check the sensor and its cable"

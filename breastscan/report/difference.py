@@ -89,7 +89,7 @@ class Difference:
 
     def quantities(self) -> dict[str, Float[np.ndarray, "n"]]:
         """Every difference by its name, the unit at its end."""
-        named = {f"joint_{joint}_deg": self.q_deg[:, joint] for joint in range(6)}
+        named = {f"joint_{k + 1}_deg": self.q_deg[:, k] for k in range(6)}
         named |= {f"tip_{axis}_mm": self.tip_mm[:, index] for index, axis in enumerate(AXES)}
         named |= {
             "tip_normal_mm": self.normal_mm,

@@ -31,7 +31,7 @@ def joints(found: Difference) -> Figure:
     """The difference of each joint [deg]."""
     figure, axes = theme.panels(3, 2, height_in=6.0, sharex=True)
     for joint, axis in enumerate(axes.T.flat):
-        _draw(axis, found, found.q_deg[:, joint], f"joint {joint} [°]")
+        _draw(axis, found, found.q_deg[:, joint], f"joint {joint + 1} [°]")
     theme.title(axes[0, 0], "Joint angles, second minus first run")
     _finish(figure, axes)
     return figure

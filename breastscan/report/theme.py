@@ -105,7 +105,7 @@ PHASE_SIZE_PT = 8.0
 """Of the phases' names."""
 LETTER_WIDTH = 0.6
 """Of a letter over its size, on average."""
-FREE_SHARE = 0.82
+FREE_FRACTION = 0.82
 """Of a panel, inside its axes, ticks and title taken off."""
 
 _STYLE: dict[Any, Any] = {
@@ -237,7 +237,7 @@ def _panel_size_pt(axis: Axes) -> tuple[float, float]:
     figure = axis.get_figure(root=True)
     assert figure is not None, "axes of `panels` lie in a figure"
     width_in, height_in = figure.get_size_inches()
-    return 72.0 * FREE_SHARE * width_in / columns, 72.0 * FREE_SHARE * height_in / rows
+    return 72.0 * FREE_FRACTION * width_in / columns, 72.0 * FREE_FRACTION * height_in / rows
 
 
 def write_png(figure: Figure, path: Path) -> None:

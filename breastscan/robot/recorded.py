@@ -127,8 +127,8 @@ class RecordedRobot:
         if not off.max() <= self._tolerance:
             joint = int(np.argmax(off))
             raise RobotError(
-                f"the runs part at command {self._row}, {self._log.t[row]:.3f} s: joint {joint} "
-                f"goes to {q[joint]:.5f} rad, the recorded one to "
+                f"the runs part at command {self._row}, {self._log.t[row]:.3f} s: joint "
+                f"{joint + 1} goes to {q[joint]:.5f} rad, the recorded one to "
                 f"{self._log.target[row, joint]:.5f} rad, more than {self._tolerance:g} rad apart: "
                 "look at both runs before this time",
                 q,

@@ -1,5 +1,6 @@
 """Tables as Parquet files that say of themselves what stands in them and where it came from."""
 
+import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,7 +35,9 @@ def write(
     for field, group in columns.items():
         if values[field] is not None:
             flat |= zip((column.name for column in group), _split(values[field]), strict=True)
-    polars.DataFrame(flat).write_parquet(path, metadata=_metadata(columns, seed))
+    whole = io.BytesIO()  # polars itself would not say of a full disk that it is full
+    polars.DataFrame(flat).write_parquet(whole, metadata=_metadata(columns, seed))
+    path.write_bytes(whole.getvalue())
 
 
 def read(path: Path, columns: Columns, optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:

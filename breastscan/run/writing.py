@@ -66,6 +66,22 @@ def write_json(path: Path, content: object) -> None:
     path.write_text(text + "\n", encoding="utf-8")
 
 
+def require_writable(settings: dict[str, object]) -> None:
+    """Accept settings that `config.json` can hold: before a scan, not at its end.
+
+    Raises:
+        ConfigError: One is infinite, or of a kind that JSON has not.
+    """
+    try:
+        json.dumps(settings, default=_plain, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(
+            f"a setting cannot be written to config.json ({error}): use finite numbers, and a "
+            "force law whose fields are numbers and words",
+            error,
+        ) from error
+
+
 def write_settings(folder: Path, settings: dict[str, object]) -> None:
     """Write `config.json`: what a run was made with, and by what."""
     write_json(folder / "config.json", {**settings, **provenance()})
@@ -103,7 +119,16 @@ def write_path(
 ) -> None:
     """Write the path's points [m] and unit normals in B as CSV."""
     columns = dict(zip(names(PATH), np.hstack([points_B, normals_B]).T, strict=True))
-    pl.DataFrame(columns).write_csv(path, float_precision=7)
+    write_csv(path, pl.DataFrame(columns), digits=7)
+
+
+def write_csv(path: Path, table: pl.DataFrame, *, digits: int | None = None) -> None:
+    """Write a table as CSV, with so many digits behind the point.
+
+    Raises:
+        OSError: The file could not be written; polars itself would not say that of a full disk.
+    """
+    path.write_text(table.write_csv(float_precision=digits), encoding="utf-8")
 
 
 def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Path:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from breastscan.errors import CalibrationError
+from breastscan.errors import ConfigError
 
 DETECTION = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
 """Search harder, and place the corners on an up-scaled picture."""
@@ -32,14 +32,13 @@ class Board:
 
     def __post_init__(self) -> None:
         if self.columns < 3 or self.rows < 3:
-            raise CalibrationError(
-                f"a board needs 3 x 3 inner corners at least, got {self.columns} x {self.rows}",
+            raise ConfigError(
+                "board.columns and board.rows must be 3 inner corners or more, got "
+                f"{self.columns} x {self.rows}",
                 self,
             )
         if not 0 < self.square < np.inf:
-            raise CalibrationError(
-                f"a board's squares need a positive side in metres, got {self.square}", self
-            )
+            raise ConfigError(f"board.square must be a positive length, got {self.square} m", self)
 
     @property
     def points(self) -> Float[np.ndarray, "n 3"]:

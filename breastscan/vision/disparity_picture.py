@@ -10,7 +10,7 @@ the nearest half per cent may be the tip of what is looked at."""
 SMALLEST_RANGE_PX = 1e-6
 TICKS = 5
 """Labelled places of the scale."""
-SHARES = (0.06, 0.02, 0.032)
+FRACTIONS = (0.06, 0.02, 0.032)
 """Margin, width and height of a letter of the scale, of the picture's height."""
 INK = (235, 235, 235)
 FONT = cv2.FONT_HERSHEY_DUPLEX
@@ -36,15 +36,15 @@ def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray
     return np.hstack([colours, _scale(len(colours), low, high)])
 
 
-def _coloured(shares: Float[np.ndarray, "h w"]) -> Picture:
+def _coloured(fractions: Float[np.ndarray, "h w"]) -> Picture:
     """Shares of the range as colours; what is beyond has the colour of the end."""
-    grey = np.nan_to_num(np.clip(255.0 * shares, 0, 255)).astype(np.uint8)
+    grey = np.nan_to_num(np.clip(255.0 * fractions, 0, 255)).astype(np.uint8)
     return cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS).astype(np.uint8, copy=False)
 
 
 def _scale(height: int, low: float, high: float) -> Picture:
     """A bar of the colours, the highest on top, with labels in px."""
-    margin, width, letter = (max(round(share * height), 1) for share in SHARES)
+    margin, width, letter = (max(round(fraction * height), 1) for fraction in FRACTIONS)
     size, stroke = letter / FONT_HEIGHT_PX, max(round(STROKE * letter), 1)
     labels = [f"{value:.0f} px" for value in np.linspace(high, low, TICKS)]
     text = max(cv2.getTextSize(label, FONT, size, stroke)[0][0] for label in labels)

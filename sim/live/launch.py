@@ -42,6 +42,11 @@ class LiveConfig:
             raise ConfigError(
                 f"a port lies in {PORTS[0]} .. {PORTS[1]}, got {self.port}", self.port
             )
+        if not self.web and (self.host, self.port) != (LiveConfig.host, LiveConfig.port):
+            raise ConfigError(
+                "--host and --port are the page's: give --web as well, or leave them out",
+                (self.host, self.port),
+            )
 
 
 def require_viewer(config: LiveConfig) -> None:

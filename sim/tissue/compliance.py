@@ -16,6 +16,7 @@ from skfem.helpers import ddot, dot, sym_grad, trace
 from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_limits
 
+from breastscan.errors import ConfigError
 from sim.tissue import half_space
 from sim.tissue.half_space import Loads
 from sim.tissue.layers import SKIN_THICKNESS, modulus_ratio
@@ -73,6 +74,9 @@ def compute_compliance(
         phantom: The shape, Poisson's ratio and the layers.
         skin_points: About how many vertices to put on the skin.
         progress: Told the fraction done (0 to 1) and what is being done.
+
+    Raises:
+        ConfigError: The layers have a mass so small that it falls between the elements.
     """
     tell = progress or (lambda _fraction, _what: None)
     tell(0.0, "meshing the tissue")
@@ -122,6 +126,7 @@ def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.
     points_S = np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1)
     ratio = np.ones(points_S.shape[:-1])
     if layered:
+        _require_seen(phantom, points_S)
         ratio = modulus_ratio(
             phantom.config.layers, phantom.inverse_map(points_S), points_S, phantom.radius
         )
@@ -134,6 +139,19 @@ def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.
         )
 
     return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(basis, ratio=ratio))
+
+
+def _require_seen(phantom: Phantom, points_S: Float[np.ndarray, "*n 3"]) -> None:
+    """Refuse a mass in which no point lies where the stiffness is taken."""
+    layers = phantom.config.layers
+    from_mass = np.linalg.norm(points_S - np.array(layers.mass_p_S), axis=-1)
+    if layers.mass_radius > 0 and from_mass.min() > layers.mass_radius:
+        raise ConfigError(
+            f"a mass of mass_radius = {layers.mass_radius} m falls between the finite elements, "
+            f"whose nearest point is {from_mass.min() * 1e3:.1f} mm from its centre: make it "
+            "larger, or move it nearer to the skin, where they are finer",
+            layers.mass_radius,
+        )
 
 
 def _membrane(

@@ -14,7 +14,7 @@ import numpy as np
 import platformdirs
 
 from sim.tissue.compliance import SkinCompliance, compute_compliance
-from sim.tissue.layers import SKIN_THICKNESS, modulus_ratio
+from sim.tissue.layers import SKIN_THICKNESS, TRANSITION
 from sim.tissue.mesh import mesh_phantom
 from sim.tissue.phantom import Phantom
 
@@ -46,16 +46,27 @@ def _key(phantom: Phantom, skin_points: int) -> str:
     """Hash of all that the compliance of a breast with a radius of 1 m depends on: its mesh and
     its tissues.
     """
-    mesh, layers = mesh_phantom(phantom, skin_points), phantom.config.layers
-    ratio = modulus_ratio(layers, mesh.direction, mesh.nodes_S, phantom.radius)
-    skin_ratio = layers.skin_ratio * SKIN_THICKNESS / phantom.radius
-    digest = hashlib.sha256(
-        repr((FORMAT, phantom.config.poisson, round(skin_ratio, DECIMALS))).encode()
-    )
+    mesh = mesh_phantom(phantom, skin_points)
+    digest = hashlib.sha256(repr((FORMAT, phantom.config.poisson, *_layers(phantom))).encode())
     digest.update(np.round(mesh.nodes_S / phantom.radius, DECIMALS).tobytes())
-    digest.update(np.round(ratio, DECIMALS).tobytes())
     digest.update(mesh.tetrahedra.tobytes())
     return digest.hexdigest()[:16]
+
+
+def _layers(phantom: Phantom) -> list[float]:
+    """The tissues' numbers in a breast with a radius of 1 m; those that are absent have none.
+
+    The numbers themselves, not the stiffness at the mesh's corners: a small mass lies between them.
+    """
+    layers, unit = phantom.config.layers, phantom.radius
+    transition = TRANSITION / unit
+    numbers = [layers.skin_ratio * SKIN_THICKNESS / unit]
+    if layers.gland_fraction > 0:
+        numbers += [layers.gland_fraction, layers.gland_ratio, transition]
+    if layers.mass_radius > 0:
+        place = [coordinate / unit for coordinate in layers.mass_p_S]
+        numbers += [layers.mass_radius / unit, *place, layers.mass_ratio, transition]
+    return [round(number, DECIMALS) for number in numbers]
 
 
 def _load(path: Path) -> SkinCompliance | None:

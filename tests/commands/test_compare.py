@@ -68,8 +68,8 @@ def test_a_run_does_not_differ_from_itself(run, tmp_path):
 def test_each_difference_is_found_with_its_sign_and_unit(run, log, tmp_path):
     compare(run("a"), run("b", changed(log)), tmp_path / "out")
     found = json.loads((tmp_path / "out/compare.json").read_text())["differences"]
-    assert found["joint_3_deg"]["mean"] == pytest.approx(np.rad2deg(ROTATION))
-    assert found["joint_2_deg"]["rms"] == pytest.approx(0.0, abs=1e-9)
+    assert found["joint_4_deg"]["mean"] == pytest.approx(np.rad2deg(ROTATION))
+    assert found["joint_3_deg"]["rms"] == pytest.approx(0.0, abs=1e-9)
     assert found["probe_turn_deg"]["rms"] == pytest.approx(np.rad2deg(ROTATION), rel=1e-3)
     assert found["tip_normal_mm"]["mean"] == pytest.approx(-1e3 * DEEPER, rel=1e-3)
     assert found["tip_across_mm"]["rms"] == pytest.approx(0.0, abs=1e-3)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -9,6 +10,7 @@ from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.planning.feedrate import FeedrateLimits
+from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.pattern import PatternConfig
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
@@ -92,8 +94,16 @@ def test_what_lays_a_path_on_a_cloud_is_refused_for_a_path_that_is_given(tmp_pat
             plan.plan(path, tmp_path / "out", **options)
 
 
+def test_a_distance_that_nothing_measures_is_refused(tmp_path, cloud):
+    config = PlanningConfig(joints=JointPathConfig(collision_margin=0.02))
+    with pytest.raises(ConfigError, match=r"collision_margin.*leave it out"):
+        plan.plan(cloud, tmp_path / "out", planning=config)
+
+
 def test_a_top_speed_that_other_limits_hide_is_told_with_them(tmp_path, cloud, capsys):
-    plan.plan(cloud, tmp_path, planning=PlanningConfig(feedrate=FeedrateLimits(speed=0.2)))
+    plan.plan(
+        cloud, tmp_path, planning=replace(plan.ABOVE_TABLE, feedrate=FeedrateLimits(speed=0.2))
+    )
     told = capsys.readouterr().out
     assert "planning.feedrate.speed, 200 mm/s, is reached nowhere" in told
     assert "normal_acceleration" in told

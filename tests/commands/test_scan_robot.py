@@ -1,6 +1,7 @@
 """What a scan with a robot refuses before anything moves."""
 
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 
 from breastscan.commands import scan as scan_command
 from breastscan.commands.scan import host_of, robot_cell, scan
+from breastscan.control.safety import SafetyLimits
 from breastscan.errors import CalibrationError, ConfigError, RobotError, SafetyError
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur.worker import LinkLimits
+from breastscan.scan import ScanConfig
 from sim.room.cell import cell_of
 from sim.scene import Scene
 
@@ -74,6 +77,35 @@ def test_a_rig_without_hand_eye_is_refused_first(tmp_path):
     replace(Scene().rig, X_BL=None).save(tmp_path / "rig.yaml")
     with pytest.raises(CalibrationError, match="handeye"):
         scan(tmp_path / "out", robot=NOBODY, rig=tmp_path / "rig.yaml", yes=True)
+
+
+def test_what_is_kept_of_a_scan_is_as_it_was_set_and_the_link_as_it_was(tmp_path, monkeypatch):
+    """The supervisor is as patient as the link; a run that is given its config.json is not more."""
+    kept = {}
+
+    @dataclass
+    class Result:
+        config: ScanConfig
+
+        def save(self, folder, **settings):
+            kept.update(settings, safety=self.config.safety)
+
+    def run_scan(robot, camera, cell, config, **_):
+        kept["patience"] = config.safety.silence
+        return Result(config)
+
+    for name in ("Clearance", "SimStereoCamera", "summarise", "_introduction"):
+        monkeypatch.setattr(scan_command, name, lambda *_, **__: "")
+    for name in ("examine", "require_full_speed", "require_plausible_sensor"):
+        monkeypatch.setattr(scan_command.preflight, name, lambda *_: None)
+    monkeypatch.setattr(scan_command.report, "write", lambda folder: None)
+    monkeypatch.setattr(scan_command, "RtdeRobot", lambda link: nullcontext())
+    monkeypatch.setattr(scan_command, "closing", lambda robot: robot)
+    monkeypatch.setattr(scan_command, "run_scan", run_scan)
+    scan(tmp_path / "out", robot=NOBODY, yes=True, link=LinkLimits(slack=3.0))
+    assert kept["patience"] == pytest.approx(3.0 * SafetyLimits().silence)
+    assert kept["safety"] == SafetyLimits()
+    assert kept["link"] == LinkLimits(slack=3.0)
 
 
 def test_nobody_to_agree_is_a_refusal(tmp_path):

@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import math
+import operator
 import re
-from typing import Literal
+from typing import Literal, get_args, get_origin
 
 import pytest
 import tyro
@@ -29,6 +31,8 @@ class Outer:
     """Where [m]."""
     limit: float | None = None
     """At most [N]; None for none."""
+    known: bool | None = None
+    """Whether it is known; None for the class's."""
 
 
 def command(
@@ -63,6 +67,7 @@ def test_a_setting_has_the_name_that_config_json_has_for_it():
         "part.inner.sharp",
         "part.place",
         "part.limit",
+        "part.known",
     ]
 
 
@@ -76,6 +81,8 @@ def test_a_setting_has_the_name_that_config_json_has_for_it():
         ("part.place=.45,-.1", {"place": (0.45, -0.1)}),
         ("part.limit=3", {"limit": 3.0}),
         ("part.limit=None", {"limit": None}),
+        ("part.known=yes", {"known": True}),
+        ("part.known=None", {"known": None}),
     ],
 )
 def test_set_changes_one_setting_and_leaves_the_others(text, changes):
@@ -148,6 +155,9 @@ def test_what_a_file_tells_of_its_run_is_no_setting_and_what_is_anothers_is_told
     [
         ("a.json", '{"part": {"iner": {"step": "two"}}}', r"part\.iner.* \(in .*a\.json\)"),
         ("a.json", '{"part": 3}', "there is no setting 'part'"),
+        ("a.json", '{"video": "perhaps"}', "video is true or false, got 'perhaps'"),
+        ("a.json", '{"part": {"limit": [1, 2]}}', r"part\.limit takes one value"),
+        ("a.json", '{"part": {"limit": {"gain": 1}}}', "a force law of one's own is for Python"),
         ("a.json", '{"sede": 3}', "did you mean seed"),
         ("a.json", "{", r"a\.json is no JSON"),
         ("a.json", "[1, 2]", "should hold settings by name"),
@@ -195,6 +205,63 @@ def test_no_setting_swallows_what_stands_behind_it(command):
         assert Ellipsis not in getattr(setting.kind, "__args__", ()), path
 
 
+def test_one_file_may_be_given_to_every_command():
+    """What one command has and another has not is left out there, and told."""
+    names = {
+        path.partition(".")[0] for command in commands() for path in settings.settings_of(command)
+    }
+    assert names - {"yes"} <= settings.OF_OTHERS
+
+
+def test_consent_to_a_contact_is_not_taken_from_a_file(tmp_path):
+    from breastscan.commands.scan import scan
+
+    (tmp_path / "a.json").write_text('{"robot": "rtde://arm", "yes": true}')
+    options, _ = settings.expanded(scan, ["--config", str(tmp_path / "a.json")])
+    assert options == ["--robot", "rtde://arm"]
+
+
+def test_what_a_file_leaves_unset_is_asked_for(tmp_path):
+    from breastscan.commands.reconstruct import reconstruct
+
+    (tmp_path / "a.json").write_text('{"rig": null}')
+    assert settings.expanded(reconstruct, ["--config", str(tmp_path / "a.json")])[0] == []
+
+
 def test_everyday_settings_exist():
     known = {path for command in commands() for path in settings.settings_of(command)}
     assert set(settings.EVERYDAY) <= known
+
+
+def changed(config, path: str, value: object):
+    """A config with one setting changed."""
+    name, _, below = path.partition(".")
+    inner = changed(getattr(config, name), below, value) if below else value
+    return dataclasses.replace(config, **{name: inner})
+
+
+def numbers():
+    """The scan's settings of one number, with a config that holds each and its path in there."""
+    from breastscan.commands.scan import scan
+    from breastscan.scan import ScanConfig
+    from sim.scene import SceneConfig
+
+    for path, setting in settings.settings_of(scan).items():
+        if {float, int} & {setting.kind, *get_args(setting.kind)} and "link" not in path:
+            if get_origin(setting.kind) is tuple or "." not in path:
+                continue
+            in_scene = path.removeprefix("scene.")
+            yield (SceneConfig(), in_scene) if in_scene != path else (ScanConfig(), path)
+
+
+MAY_BE_NEGATIVE = {"planning.joints.floor"}
+"""A height over the base."""
+
+
+@pytest.mark.parametrize(("config", "path"), list(numbers()), ids=lambda value: str(value)[:60])
+def test_a_number_that_cannot_be_is_refused_with_its_name(config, path):
+    value = operator.attrgetter(path)(config)
+    wrong = [-1.0, math.nan] if isinstance(value, float) else [-1]
+    for number in wrong if path not in MAY_BE_NEGATIVE else [math.nan]:
+        with pytest.raises(ConfigError, match=path.rpartition(".")[2]):
+            changed(config, path, number)

@@ -14,7 +14,7 @@ from breastscan.report import (
     theme,
     time_figures,
 )
-from breastscan.run.trajectory import Trajectory
+from breastscan.run.trajectory import Span, Trajectory
 from tests.run.synthetic_run import INDENTATION, SET_POINT, write_run
 
 ROOT = Path(__file__).parents[2]

@@ -74,7 +74,7 @@ class TestRecordedRobot(RobotContract):
     def test_the_place_where_the_runs_part_is_named_with_its_joint(self, robot, recording):
         targets = recording.target[1:].copy()
         targets[200:, 3] += 0.01
-        with pytest.raises(RobotError, match=r"part at command 200, 0\.40\d s: joint 3"):
+        with pytest.raises(RobotError, match=r"part at command 200, 0\.40\d s: joint 4"):
             send(robot, targets)
 
     @pytest.mark.parametrize("name", READ)

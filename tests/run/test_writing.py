@@ -4,6 +4,7 @@ import json
 import os
 import stat
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -11,7 +12,8 @@ import pytest
 import trimesh
 
 from breastscan.errors import ConfigError, SafetyError
-from breastscan.run import writing
+from breastscan.run import parquet, writing
+from breastscan.run.columns import TRUTH
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 from tests.run.synthetic_run import synthetic_log
 
@@ -54,6 +56,22 @@ def test_json_is_strict_and_takes_arrays(tmp_path):
     assert json.loads((tmp_path / "m.json").read_text())["a"] == [0.0, 1.0, 2.0]
     with pytest.raises(ValueError, match="JSON"):
         writing.write_json(tmp_path / "m.json", {"a": float("nan")})
+
+
+def test_settings_that_json_cannot_hold_are_refused_before_any_work():
+    writing.require_writable({"a": np.arange(2.0), "b": None})
+    for wrong in (float("inf"), object()):
+        with pytest.raises(ConfigError, match=r"cannot be written to config\.json"):
+            writing.require_writable({"a": wrong})
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_table_on_a_full_disk_is_an_error_that_says_so():
+    with pytest.raises(OSError, match="No space left"):
+        writing.write_csv(Path("/dev/full"), pl.DataFrame({"a": [1.0] * 9999}))
+    with pytest.raises(OSError, match="No space left"):
+        log = {name: np.zeros((9, len(group))) for name, group in TRUTH.items() if name == "q"}
+        parquet.write(Path("/dev/full"), {"q": TRUTH["q"]}, log)
 
 
 def test_the_cloud_is_read_back_with_points_and_normals(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from breastscan.errors import CalibrationError
+from breastscan.errors import ConfigError
 from breastscan.vision.board import Board, find_corners, find_shot
 from tests.vision.board_shots import BOARD, SIZE, make_rig, picture, poses_in_view, project
 
@@ -46,5 +46,5 @@ def test_no_board_is_found_where_none_is(level):
     "wrong", [{"columns": 2}, {"rows": 0}, {"square": 0.0}, {"square": float("nan")}]
 )
 def test_boards_that_cannot_be_are_refused(wrong):
-    with pytest.raises(CalibrationError):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
         Board(**wrong)

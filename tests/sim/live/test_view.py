@@ -144,6 +144,12 @@ def test_an_address_of_another_machine_is_refused():
         launch.require_viewer(LiveConfig(web=True, host="192.0.2.1"))
 
 
+@pytest.mark.parametrize("page", [{"host": "127.0.0.9"}, {"port": 8090}])
+def test_what_only_a_page_has_is_refused_for_a_window(page):
+    with pytest.raises(ConfigError, match="--web"):
+        LiveConfig(**page)
+
+
 def test_an_impossible_port_is_refused():
     with pytest.raises(ConfigError, match="port"):
         LiveConfig(port=70000)

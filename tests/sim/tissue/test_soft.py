@@ -11,6 +11,7 @@ import pytest
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from breastscan.errors import ConfigError
 from sim.tissue import compliance_cache
 from sim.tissue import soft as soft_module
 from sim.tissue.complementarity import MARGIN, Solved, solve_contact
@@ -18,6 +19,7 @@ from sim.tissue.compliance import SkinCompliance, compute_compliance
 from sim.tissue.contact_kernel import GRAZING, find_gaps, find_near
 from sim.tissue.contact_surface import contact_surface
 from sim.tissue.half_space import add_discs, softness
+from sim.tissue.layers import LayerConfig
 from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.tissue.soft import SoftTissue
 from sim.wrist.probe_face import ProbeFace, distance
@@ -310,6 +312,34 @@ def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, 
     SoftTissue.build(phantom, lambda fraction, _what: told.append(fraction))
     assert told[-1] == 1.0
     assert len(list(tmp_path.iterdir())) == 1
+
+
+HOMOGENEOUS = LayerConfig()
+MASS = LayerConfig(mass_radius=0.009, mass_p_S=(0.0, 0.0, 0.04))
+GLAND = LayerConfig(gland_fraction=0.6)
+
+
+@pytest.mark.parametrize(
+    ("layers", "others"),
+    [
+        (HOMOGENEOUS, MASS),
+        (MASS, replace(MASS, mass_ratio=8.0)),
+        (MASS, replace(MASS, mass_p_S=(0.001, 0.0, 0.04))),
+        (GLAND, replace(GLAND, gland_fraction=0.62)),
+    ],
+)
+def test_no_other_layers_compliance_is_taken_for_ones_own(monkeypatch, tmp_path, layers, others):
+    """However coarse the elements: what differs lies between their corners."""
+    monkeypatch.setattr(compliance_cache.platformdirs, "user_cache_path", lambda _name: tmp_path)
+    for one in (layers, others):
+        compliance_cache.cached_compliance(Phantom(PhantomConfig(layers=one)), 60)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_mass_that_falls_between_the_elements_is_refused():
+    tiny = LayerConfig(mass_radius=0.001, mass_p_S=(0.0, 0.0, 0.02))
+    with pytest.raises(ConfigError, match="falls between the finite elements"):
+        compute_compliance(Phantom(PhantomConfig(layers=tiny)), 60)
 
 
 def _moved(X_SP: Float[np.ndarray, "4 4"], p_S: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
