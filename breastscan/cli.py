@@ -90,8 +90,7 @@ def _errors_told(errors: Console) -> Iterator[Console]:
     try:
         yield errors
     except (KeyboardInterrupt, SystemError) as error:
-        # a Ctrl-C that falls into a compiled kernel comes out of it as the cause of a SystemError
-        if isinstance(error, SystemError) and not isinstance(error.__cause__, KeyboardInterrupt):
+        if not _is_interrupt(error):
             raise
         errors.print("Interrupted: earlier results are untouched.")
         sys.exit(INTERRUPTED)
@@ -103,6 +102,15 @@ def _errors_told(errors: Console) -> Iterator[Console]:
             raise
         errors.print(told)
         sys.exit(1)
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is what happened: one that falls into a compiled kernel comes out of it at the
+    end of a chain of SystemErrors.
+    """
+    while isinstance(error, SystemError):
+        error = error.__cause__
+    return isinstance(error, KeyboardInterrupt)
 
 
 def _told(error: Exception) -> str | None:

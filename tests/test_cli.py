@@ -95,6 +95,31 @@ def test_what_is_installed_here_fits():
     assert provenance.unsuited() == []
 
 
+@pytest.mark.parametrize("depth", [1, 3])
+def test_a_ctrl_c_that_falls_into_a_compiled_kernel_is_one_too(capsys, monkeypatch, depth):
+    def interrupted() -> None:
+        error: BaseException = KeyboardInterrupt()
+        for _ in range(depth):
+            chained = SystemError("a kernel returned a result with an exception set")
+            chained.__cause__ = error
+            error = chained
+        raise error
+
+    monkeypatch.setattr(doctor, "doctor", interrupted)
+    status, _, err = run(capsys, "doctor")
+    assert status == 130
+    assert "Interrupted" in err
+
+
+def test_a_kernel_that_breaks_by_itself_is_no_interrupt(monkeypatch):
+    def broken() -> None:
+        raise SystemError("a kernel returned a result with an exception set")
+
+    monkeypatch.setattr(doctor, "doctor", broken)
+    with pytest.raises(SystemError):
+        cli.main(["doctor"])
+
+
 def test_ctrl_c_ends_with_the_status_of_an_interrupt(capsys, monkeypatch):
     def interrupted() -> None:
         raise KeyboardInterrupt
