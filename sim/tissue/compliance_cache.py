@@ -36,7 +36,8 @@ def cached_compliance(
     path = folder / f"tissue-{_key(phantom, skin_points)}.npz"
     unit = _load(path)
     if unit is None:
-        unit = compute_compliance(phantom, skin_points, progress).scaled(1 / phantom.radius)
+        computed = compute_compliance(phantom, skin_points, progress).scaled(1 / phantom.radius)
+        unit = _in_file_order(computed)
         _save(path, unit)
         _make_room(folder)
     return unit.scaled(phantom.radius)  # the same to the last bit, whether it was kept or computed
@@ -81,6 +82,15 @@ def _load(path: Path) -> SkinCompliance | None:
         arrays["response_S"].shape == (count, count, 3) and np.isfinite(arrays["response_S"]).all()
     )
     return SkinCompliance(**arrays) if valid else None
+
+
+def _in_file_order(compliance: SkinCompliance) -> SkinCompliance:
+    """The arrays in memory as a file gives them: sums over another order differ in the last bit."""
+    arrays = {
+        field.name: np.ascontiguousarray(getattr(compliance, field.name))
+        for field in fields(SkinCompliance)
+    }
+    return SkinCompliance(**arrays)
 
 
 def _save(path: Path, compliance: SkinCompliance) -> None:

@@ -3,7 +3,7 @@ mechanics.
 """
 
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -312,6 +312,17 @@ def test_compliance_is_computed_once_and_a_damaged_file_is_rebuilt(monkeypatch, 
     SoftTissue.build(phantom, lambda fraction, _what: told.append(fraction))
     assert told[-1] == 1.0
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_computed_compliance_lies_in_memory_as_kept_one_does(monkeypatch, tmp_path):
+    """Sums over another order differ in the last bit, and the scan's metrics with them."""
+    monkeypatch.setattr(compliance_cache.platformdirs, "user_cache_path", lambda _name: tmp_path)
+    phantom = Phantom(PhantomConfig(seed=5))
+    computed, kept = (compliance_cache.cached_compliance(phantom, 60) for _ in range(2))
+    for field in fields(computed):
+        values, again = getattr(computed, field.name), getattr(kept, field.name)
+        np.testing.assert_array_equal(values, again)
+        assert values.strides == again.strides, field.name
 
 
 HOMOGENEOUS = LayerConfig()
