@@ -6,9 +6,10 @@ A name is imported when it is first asked for, so that `import breastscan`, and 
 """
 
 import sys
-from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from breastscan.exports import lazily
 
 if TYPE_CHECKING:
     from breastscan.camera.interface import StereoCamera as StereoCamera
@@ -42,15 +43,7 @@ HOMES = {
 }
 """In which module of this package each name lives."""
 
-
-def __getattr__(name: str) -> Any:
-    if name not in HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *HOMES]
+__getattr__, __dir__ = lazily(__name__, HOMES)
 
 
 class _Package(ModuleType):

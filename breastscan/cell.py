@@ -20,6 +20,7 @@ from jaxtyping import Float
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.payload import Payload
+from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run.writing import write_json
 from breastscan.vision.camera import SHORTEST_BASELINE, StereoRig
@@ -94,6 +95,20 @@ class Cell:
                 "`breastscan handeye` first"
             )
         _require_rigid(self.rig.X_BL, "X_BL of the rig")
+
+    def rtde(self, host: str) -> RtdeConfig:
+        """The link to this cell's robot.
+
+        Args:
+            host: Name or address of its controller.
+        """
+        return RtdeConfig(
+            host=host,
+            X_FP=self.X_FP,
+            payload=self.payload,
+            limits=self.link,
+            kinematics=self.kinematics,
+        )
 
     def save(self, path: Path) -> None:
         """Write the file that `load` reads."""

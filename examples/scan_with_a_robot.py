@@ -11,7 +11,7 @@ from breastscan import Cell, ScanConfig, scan
 from breastscan.camera.choice import open_camera
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.ur import preflight
-from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
+from breastscan.robot.ur.rtde_robot import RtdeRobot
 from breastscan.scan import PlanningConfig
 from sim import Clearance
 
@@ -21,15 +21,8 @@ SHORT_LOOP = ScanConfig(planning=PlanningConfig(pattern=PatternConfig(height_fra
 def main(host: str) -> None:
     """Look, plan, travel."""
     cell = Cell.load(Path("out/scan/cell.json"))
-    link = RtdeConfig(
-        host=host,
-        X_FP=cell.X_FP,
-        payload=cell.payload,
-        limits=cell.link,
-        kinematics=cell.kinematics,
-    )
     print(f"software {preflight.examine(host).version}")
-    with closing(RtdeRobot(link)) as robot:
+    with closing(RtdeRobot(cell.rtde(host))) as robot:
         preflight.require_full_speed(robot)
         preflight.require_plausible_sensor(robot)
         clearances = Clearance(cell, with_chest=False)

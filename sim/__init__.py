@@ -8,8 +8,9 @@ imported when it is first asked for: `import sim` does not load MuJoCo.
 
 import os
 import sys
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from breastscan.exports import lazily
 
 if sys.platform == "linux" and not os.environ.get("DISPLAY"):
     os.environ.setdefault("MUJOCO_GL", "egl")
@@ -32,12 +33,4 @@ HOMES = {
 }
 """In which module of this package each name lives."""
 
-
-def __getattr__(name: str) -> Any:
-    if name not in HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *HOMES]
+__getattr__, __dir__ = lazily(__name__, HOMES)

@@ -21,6 +21,7 @@ PRODUCT = {
     **dict.fromkeys(STAGES, UNDER | {"run"}),
     "cell": ALL_STAGES,
     "interruptions": set(),
+    "exports": set(),
     "scan_log": ALL_STAGES,
     "execution": ALL_STAGES | {"interruptions"},
     "scan": ALL_STAGES | {"cell", "execution", "scan_log"},

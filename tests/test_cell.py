@@ -8,6 +8,7 @@ import pytest
 
 from breastscan.cell import Cell, Shape
 from breastscan.errors import CalibrationError, ConfigError
+from breastscan.robot.ur.worker import LinkLimits
 from sim.arm.deviations import ArmConfig
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
@@ -52,6 +53,13 @@ def test_the_twins_cell_says_what_its_scene_is(scene, cell):
     assert {"table_hull", "post_hull"} <= {shape.name for shape in cell.room}
     top = cell.chest.X[2, 3] + cell.chest.size[2]
     assert top == pytest.approx(scene.X_BS[2, 3], abs=1e-9)
+
+
+def test_the_link_to_a_cells_robot_carries_the_cell(cell):
+    link = replace(cell, link=LinkLimits(slack=2.0)).rtde("127.0.0.9")
+    assert (link.host, link.payload, link.limits.slack) == ("127.0.0.9", cell.payload, 2.0)
+    np.testing.assert_array_equal(link.X_FP, cell.X_FP)
+    np.testing.assert_array_equal(link.kinematics.X_joints, cell.kinematics.X_joints)
 
 
 def test_a_shape_more_in_the_room_is_kept_clear_of(cell):

@@ -52,7 +52,10 @@ def motion():
     return Motion(q=q, qd=qd, s=s, q_approach=clear, clearance=CLEARANCE)
 
 
-def scan(motion, height=SKIN, stiffness=1000.0, late=0, config=ContactConfig(), **options):  # noqa: B008 (frozen)
+DEFAULTS = ContactConfig()
+
+
+def scan(motion, height=SKIN, stiffness=1000.0, late=0, config=DEFAULTS, **options):
     """The robot, its trajectory, and the error that ended the scan, if any."""
     robot = SpringRobot(motion.q_approach, height, stiffness, late)
     log = []

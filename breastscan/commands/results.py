@@ -5,13 +5,14 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from breastscan import report
 from breastscan.commands.console import console
 from breastscan.errors import ConfigError
 from breastscan.run.trajectory import Trajectory
 from breastscan.run.writing import write_aborted
-from breastscan.scan import Keep, ScanPlan, ScanResult
+from breastscan.scan import Keep, ScanPlan, ScanResult, Stages
 
 
 def keep_aborted(out: Path) -> Keep:
@@ -27,6 +28,38 @@ def keep_aborted(out: Path) -> Keep:
         console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
 
     return keep
+
+
+def leave(
+    out: Path,
+    folder: Path,
+    result: ScanResult,
+    stages: Stages,
+    settings: dict[str, Any],
+    film: Callable[[], None] = lambda: None,
+) -> None:
+    """Leave the complete run folder of a scan.
+
+    Args:
+        out: Where the user will find it.
+        folder: Where its files are staged.
+        result: The scan.
+        stages: Takes the wall time.
+        settings: What it was made with beside its config, for `config.json`.
+        film: Makes the video, if there is to be one.
+
+    Raises:
+        ConfigError: Something could not be written; says why, and where the results are.
+    """
+
+    def save(place: Path) -> None:
+        result.save(place, **settings)
+
+    with kept_elsewhere(out, save):
+        film()
+        save(folder)
+        with stages.stage("report"):
+            report.write(folder)
 
 
 @contextmanager

@@ -15,17 +15,16 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from breastscan import report
 from breastscan.camera.choice import open_camera
 from breastscan.camera.interface import StereoCamera
 from breastscan.cell import Cell
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, kept_elsewhere, summarise, tell_plan
+from breastscan.commands.results import keep_aborted, leave, summarise, tell_plan
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
-from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
+from breastscan.robot.ur.rtde_robot import RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run.writing import require_writable, staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages
@@ -166,20 +165,16 @@ def _scan_twin(
             with stages.stage("truth"):
                 result = twin.measured(result)
 
-        def save(place: Path) -> None:
-            result.save(place, **settings)
-
-        with kept_elsewhere(out, save):
+        def film() -> None:
             if video:
                 with stages.stage("video") as report_fraction:
-                    film = VideoConfig(fine=fine and _fine_or_reason())
+                    look = VideoConfig(fine=fine and _fine_or_reason())
                     render_video(
-                        twin.scene, twin.tissue, result.trajectory, folder / "scan.mp4", film,
+                        twin.scene, twin.tissue, result.trajectory, folder / "scan.mp4", look,
                         progress=lambda fraction, _: report_fraction(fraction),
                     )  # fmt: skip
-            save(folder)
-            with stages.stage("report"):
-                report.write(folder)
+
+        leave(out, folder, result, stages, settings, film)
     summarise(out, result)
 
 
@@ -250,16 +245,9 @@ def _scan_robot(
     )
     if not (in_air or agreed):
         _ask()
-    link = RtdeConfig(
-        host=host,
-        X_FP=cell.X_FP,
-        payload=cell.payload,
-        limits=cell.link,
-        kinematics=cell.kinematics,
-    )
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
-        with closing(RtdeRobot(link)) as arm:
+        with closing(RtdeRobot(cell.rtde(host))) as arm:
             preflight.require_full_speed(arm)
             preflight.require_plausible_sensor(arm)
             result = run_scan(
@@ -275,14 +263,7 @@ def _scan_robot(
             )
 
         result = replace(result, config=config)  # as it was set
-
-        def save(place: Path) -> None:
-            result.save(place, **settings, robot_found=controller)
-
-        with kept_elsewhere(out, save):
-            save(folder)
-            with stages.stage("report"):
-                report.write(folder)
+        leave(out, folder, result, stages, {**settings, "robot_found": controller})
     summarise(out, result)
 
 

@@ -36,6 +36,8 @@ READERS: dict[str, Callable[[str], Any]] = {
     ".yml": yaml.safe_load,
 }
 """What reads a file of settings, by how its name ends."""
+REPLACED = ("--set", "--config")
+"""Options that stand for others."""
 BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 """Words for a setting that is one or the other."""
 PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found", "yes"))
@@ -165,6 +167,8 @@ def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[s
     Raises:
         ConfigError: A file cannot be read, or a name is none of a setting.
     """
+    if not any(argument.partition("=")[0] in REPLACED for argument in arguments):
+        return arguments, []  # nothing to look names up for, which takes a while
     known = settings_of(command)
     typed: list[str] = []
     filed: list[str] = []
@@ -172,7 +176,7 @@ def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[s
     rest = iter(arguments)
     for argument in rest:
         option, _, value = argument.partition("=")
-        if option not in ("--set", "--config"):
+        if option not in REPLACED:
             typed.append(argument)
             continue
         value = value or next(rest, "")
@@ -184,7 +188,7 @@ def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[s
 
 
 def _from_text(known: dict[str, Setting], text: str) -> list[str]:
-    """The option of one `PATH=VALUE`."""
+    """The option of one `NAME=VALUE`."""
     path, equals, value = text.partition("=")
     path = path.replace("-", "_")
     if not equals:

@@ -8,10 +8,9 @@ import numpy as np
 import tyro
 from jaxtyping import Float
 
-from breastscan import report
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, kept_elsewhere, summarise, tell_plan
-from breastscan.run.writing import staged
+from breastscan.commands.results import keep_aborted, leave, summarise, tell_plan
+from breastscan.run.writing import require_writable, staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
 from sim.live.launch import LiveConfig, require_viewer
@@ -58,6 +57,8 @@ def view(
             complete.
     """
     live = LiveConfig(web=web, host=host, port=port)
+    settings = {"seed": seed, "rig": rig, "scene": scene}
+    require_writable({**settings, **vars(config)})
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     with progress_bars() as listener:
@@ -80,13 +81,7 @@ def view(
             with stages.stage("truth"):
                 result = twin.measured(result)
 
-            def save(place: Path) -> None:
-                result.save(place, seed=seed, rig=rig, scene=scene)
-
-            with kept_elsewhere(out, save):
-                save(folder)
-                with stages.stage("report"):
-                    report.write(folder)
+            leave(out, folder, result, stages, settings)
         summarise(out, result)
         console.print("Close the viewer or press Ctrl-C to end.")
         with suppress(KeyboardInterrupt):

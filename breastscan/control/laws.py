@@ -73,12 +73,9 @@ class PiStiffness:
         self, measurement: Measurement, reference: Reference, memory: IntegralMemory
     ) -> tuple[float, IntegralMemory]:
         """The integral and the error of the indentation, and the change of the reference."""
-        filtered = memory.filtered.after(measurement.force, self.filter_hz, measurement.period)
         slope = measurement.surface.slope(reference.force)
-        error = (reference.force - filtered.force) / slope
-        integral = _integrated(memory, self.integral * error, measurement)
-        requested = self.proportional * error + integral + reference.change / slope
-        return requested, IntegralMemory(filtered, integral, requested)
+        feed_forward = reference.change / slope
+        return _pi(self, measurement, reference.force, memory, slope, feed_forward)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,11 +97,7 @@ class Pi:
         self, measurement: Measurement, reference: Reference, memory: IntegralMemory
     ) -> tuple[float, IntegralMemory]:
         """Fixed gains on the force error and its integral."""
-        filtered = memory.filtered.after(measurement.force, self.filter_hz, measurement.period)
-        error = reference.force - filtered.force
-        integral = _integrated(memory, self.integral * error, measurement)
-        requested = self.proportional * error + integral
-        return requested, IntegralMemory(filtered, integral, requested)
+        return _pi(self, measurement, reference.force, memory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,9 +119,11 @@ class Pd:
         self, measurement: Measurement, reference: Reference, memory: Filtered
     ) -> tuple[float, Filtered]:
         """Fixed gains on the force error and its change."""
-        filtered = memory.after(measurement.force, self.filter_hz, measurement.period)
-        error, change = reference.force - filtered.force, reference.change - filtered.change
-        return self.proportional * error + self.derivative * change, filtered
+        return _pd(self, measurement, reference, memory)
+
+    def at(self, error: float, change: float) -> tuple[float, float]:
+        """The gains, whatever the error [N] and its change [N/s]."""
+        return self.proportional, self.derivative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,10 +138,7 @@ class FuzzyPd(FuzzyGains):
         self, measurement: Measurement, reference: Reference, memory: Filtered
     ) -> tuple[float, Filtered]:
         """The gains of this error and this change, on both."""
-        filtered = memory.after(measurement.force, self.filter_hz, measurement.period)
-        error, change = reference.force - filtered.force, reference.change - filtered.change
-        proportional, derivative = self.at(error, change)
-        return proportional * error + derivative * change, filtered
+        return _pd(self, measurement, reference, memory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,6 +179,32 @@ class Laws:
     def named(self, name: LawName) -> ForceLaw:
         """One of them."""
         return getattr(self, name.replace("-", "_"))
+
+
+def _pi(
+    law: PiStiffness | Pi,
+    measurement: Measurement,
+    force: float,
+    memory: IntegralMemory,
+    slope: float = 1.0,
+    feed_forward: float = 0.0,
+) -> tuple[float, IntegralMemory]:
+    """PI on the error of a force [N] over a slope, with a speed [m/s] fed forward."""
+    filtered = memory.filtered.after(measurement.force, law.filter_hz, measurement.period)
+    error = (force - filtered.force) / slope
+    integral = _integrated(memory, law.integral * error, measurement)
+    requested = law.proportional * error + integral + feed_forward
+    return requested, IntegralMemory(filtered, integral, requested)
+
+
+def _pd(
+    law: Pd | FuzzyPd, measurement: Measurement, reference: Reference, memory: Filtered
+) -> tuple[float, Filtered]:
+    """PD on the force error, with the law's gains at this error and this change."""
+    filtered = memory.after(measurement.force, law.filter_hz, measurement.period)
+    error, change = reference.force - filtered.force, reference.change - filtered.change
+    proportional, derivative = law.at(error, change)
+    return proportional * error + derivative * change, filtered
 
 
 def _integrated(memory: IntegralMemory, growth: float, measurement: Measurement) -> float:

@@ -18,7 +18,7 @@ LOOP = "loop"
 
 LOG_FILE = "trajectory.parquet"
 """The log in the folder of a run."""
-TRUTH = ("true_force", "true_depth", "true_tilt")
+SIMULATED = ("true_force", "true_depth", "true_tilt")
 """Fields that only a simulation can fill; without them their columns are absent."""
 
 
@@ -182,5 +182,5 @@ class Trajectory:
                 f"scan --out {path.parent}` writes it",
                 path,
             )
-        arrays = parquet.read(path, LOG, optional=TRUTH)
+        arrays = parquet.read(path, LOG, optional=SIMULATED)
         return Trajectory(phase=tuple(arrays.pop("phase").tolist()), **arrays)

@@ -37,7 +37,7 @@ def disparity_picture(disparity: Float32[np.ndarray, "h w"]) -> UInt8[np.ndarray
 
 
 def _coloured(fractions: Float[np.ndarray, "h w"]) -> Picture:
-    """Shares of the range as colours; what is beyond has the colour of the end."""
+    """Fractions of the range as colours; what is beyond has the colour of the end."""
     grey = np.nan_to_num(np.clip(255.0 * fractions, 0, 255)).astype(np.uint8)
     return cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS).astype(np.uint8, copy=False)
 

@@ -119,7 +119,7 @@ class ATwin(SimpleNamespace):
 
 def recorded_by(command: str) -> dict[str, Any]:
     """What a command calls, and what that answers; the rest of it runs as it is."""
-    report = {"report.write": None, "summarise": None}
+    report = {"breastscan.commands.results.report.write": None, "summarise": None}
     names = "stage", "follow", "planned", "linger"
     viewer = nullcontext(SimpleNamespace(**dict.fromkeys(names, print)))
     return {
@@ -173,7 +173,9 @@ def handed_over(command: Any, changes: dict[str, Any]) -> Any:
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for name, answer in recorded_by(command.__name__).items():
-            target = name if name.startswith("sim.") else f"{command.__module__}.{name}"
+            target = (
+                name if name.startswith(("sim.", "breastscan.")) else f"{command.__module__}.{name}"
+            )
             patch.setattr(target, recorder(name, answer, calls))
         try:
             command(*first, **arguments)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from breastscan.commands import results
 from breastscan.commands import scan as scan_command
 from breastscan.commands.scan import host_of, robot_cell, scan
 from breastscan.control.safety import SafetyLimits
@@ -98,7 +99,7 @@ def test_what_is_kept_of_a_scan_is_as_it_was_set_and_the_link_as_it_was(tmp_path
         monkeypatch.setattr(scan_command, name, lambda *_, **__: "")
     for name in ("examine", "require_full_speed", "require_plausible_sensor"):
         monkeypatch.setattr(scan_command.preflight, name, lambda *_: None)
-    monkeypatch.setattr(scan_command.report, "write", lambda folder: None)
+    monkeypatch.setattr(results.report, "write", lambda folder: None)
     monkeypatch.setattr(scan_command, "RtdeRobot", lambda link: nullcontext())
     monkeypatch.setattr(scan_command, "closing", lambda robot: robot)
     monkeypatch.setattr(scan_command, "run_scan", run_scan)
