@@ -14,6 +14,7 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
+from sim.controller.messages import Message, ProgramError
 from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
 from sim.controller.states import RobotMode, Runtime, Safety
 from sim.controller.urscript.compiler import load
@@ -43,8 +44,8 @@ WAITING_PROGRAMS = 16
 """Of one client that have come in and are not loaded yet; what comes beyond is dropped."""
 REMEMBERED_PROGRAMS, REMEMBERED_LENGTH = 16, 100_000
 """That need not be loaded again, and how many characters such a one has at most."""
-UNTOLD_ERRORS = 16
-"""Errors of programs that are kept for the clients."""
+UNTOLD_MESSAGES = 64
+"""That are kept until the clients are told, the latest."""
 
 
 @dataclass
@@ -121,8 +122,8 @@ class Controller:
         self._stopped_at = -UNLOCK_AFTER
         self.program_error = ""
         """Why the last program stopped, where it did not stop by itself."""
-        self.errors: deque[ScriptError] = deque(maxlen=UNTOLD_ERRORS)
-        """Of programs, which the clients have not been told yet."""
+        self.messages: deque[Message] = deque(maxlen=UNTOLD_MESSAGES)
+        """That the clients have not been told yet."""
         self.functions = {}
         self._loading: dict[object, deque[_Loading]] = {}
         """Programs that are not complete yet, by who sent them: each has its first one loaded in
@@ -341,7 +342,7 @@ class Controller:
 
     def _report(self, what: str, error: ScriptError) -> None:
         self.program_error = f"line {error.line}: {error}"
-        self.errors.append(error)
+        self.messages.append(ProgramError(str(error), error.line))
         self.tell(f"{what}: {self.program_error}")
 
     def _move(self) -> None:

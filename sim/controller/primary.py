@@ -4,6 +4,8 @@
 
 import struct
 
+from sim.controller.messages import Message, ProgramError
+
 PORTS = (30001, 30002)
 ROBOT_MESSAGE, RUNTIME_EXCEPTION = 20, 10
 """Types of a package, and of a message in it."""
@@ -13,15 +15,16 @@ HEAD = struct.Struct(">iBQbb")
 LINE_AND_COLUMN = struct.Struct(">ii")
 
 
-def runtime_exception(time: float, line: int, text: str) -> bytes:
-    """What ended a program.
+def package(time: float, message: Message) -> bytes:
+    """A message on the wire; nothing where it has no form yet.
 
     Args:
         time: Of the controller [s].
-        line: In the program.
-        text: What went wrong.
+        message: What is told.
     """
-    body = LINE_AND_COLUMN.pack(line, 0) + text.encode()
+    if not isinstance(message, ProgramError):
+        return b""
+    body = LINE_AND_COLUMN.pack(message.line, 0) + message.text.encode()
     head = HEAD.pack(
         HEAD.size + len(body), ROBOT_MESSAGE, round(time * 1e6), CONTROLLER, RUNTIME_EXCEPTION
     )

@@ -16,6 +16,7 @@ from sim.controller import dashboard, primary
 from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
 from sim.controller.fault_injection import CONTROL_PORT, FaultInjector
+from sim.controller.messages import Message, ProgramError
 from sim.controller.outputs import Outputs
 from sim.controller.rtde import EXCEPTION, Connection, Registry
 from sim.controller.urscript.splitter import Splitter
@@ -89,8 +90,8 @@ class Server:
             sum(client.rtde.commands for client in clients if client.rtde is not None)
         )
         self.controller.cycle()
-        while self.controller.errors:
-            self._tell_error(self.controller.errors.popleft())
+        while self.controller.messages:
+            self._announce(self.controller.messages.popleft())
         for client in clients:
             self._guarded(client, self._publish)
             if client.is_stuck:
@@ -197,14 +198,14 @@ class Server:
         for client in self._clients(RTDE_PORT, DASHBOARD_PORT, *SCRIPT_PORTS):
             client.close()
 
-    def _tell_error(self, error: ScriptError) -> None:
-        """Where a controller tells what ended a program."""
-        message = primary.runtime_exception(self.controller.time, error.line, str(error))
-        for client in self._clients(*primary.PORTS):
-            client.send(message)
+    def _announce(self, message: Message) -> None:
+        """Tell the clients, where a controller tells such a thing."""
+        package = primary.package(self.controller.time, message)
+        for client in self._clients(*primary.PORTS) if package else ():
+            client.send(package)
         for client in self._clients(RTDE_PORT):
-            if client.rtde is not None:
-                client.rtde.tell(f"line {error.line}: {error}", EXCEPTION)
+            if client.rtde is not None and isinstance(message, ProgramError):
+                client.rtde.tell(f"line {message.line}: {message.text}", EXCEPTION)
 
     def _on_rtde(self, client: Client) -> None:
         client.rtde = Connection(client, self.controller, self._outputs, self._registry)
@@ -217,7 +218,7 @@ class Server:
             try:
                 programs = splitter.feed(data)
             except ScriptError as error:
-                self._tell_error(error)
+                self._announce(ProgramError(str(error), error.line))
                 client.close()
                 return
             for program in programs:
