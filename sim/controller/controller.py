@@ -2,6 +2,7 @@
 the arm they move.
 """
 
+import re
 from collections import OrderedDict, deque
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from sim.controller.states import RobotMode, Runtime, Safety
 from sim.controller.urscript.compiler import load
 from sim.controller.urscript.program import Program, Script, Thread
 from sim.controller.urscript.signature import Function
-from sim.controller.urscript.values import SHOWN, ScriptError
+from sim.controller.urscript.values import SHOWN, ScriptError, first_column
 from sim.controller.variables import INPUTS, REGISTERS, zero
 from sim.robot import SimRobot
 from sim.wrist.probe import payload
@@ -44,6 +45,8 @@ WAITING_PROGRAMS = 16
 """Of one client that have come in and are not loaded yet; what comes beyond is dropped."""
 REMEMBERED_PROGRAMS, REMEMBERED_LENGTH = 16, 100_000
 """That need not be loaded again, and how many characters such a one has at most."""
+SECONDARY = re.compile(r"sec\b")
+"""How a secondary program begins."""
 UNTOLD_MESSAGES = 64
 """That are kept until the clients are told, the latest."""
 
@@ -167,7 +170,8 @@ class Controller:
         self.history.append(self.state.q)
 
     def run(self, source: str, sender: object = None) -> None:
-        """Start a program, as soon as it is loaded, or do at once what a line outside of one says.
+        """Start a program or what stands outside of one, as soon as it is loaded: a secondary one
+        beside the program that runs, any other one in its place.
 
         Args:
             source: The program, or the line.
@@ -178,7 +182,8 @@ class Controller:
         if command in _COMMANDS:
             _COMMANDS[command](self)
             return
-        if not self.operational:
+        # that a secondary program, which moves nothing, runs in any mode is assumed
+        if not self.operational and not SECONDARY.match(command):
             self.tell("a program was refused: the arm is not operational")
             return
         waiting = self._loading.setdefault(sender, deque())
@@ -188,9 +193,7 @@ class Controller:
                 ScriptError(f"{WAITING_PROGRAMS} others of this client wait"),
             )
             return
-        outside = not command.startswith(("def ", "sec "))
-        text = f"def line(): {source}\nend" if outside else source
-        waiting.append(_Loading(text, load(text, self.functions)))
+        waiting.append(_Loading(source, load(source, self.functions)))
 
     def stop_program(self, why: str) -> None:
         """End the program, and whatever waits to be one, and bring the arm to rest."""
@@ -297,8 +300,7 @@ class Controller:
         try:
             script = self._read(waiting[0])
         except ScriptError as error:
-            self._report("a program was refused", error)
-            waiting.popleft()
+            self._report("a program was refused", error, waiting.popleft().source)
         else:
             if script is not None:
                 self._start(script)
@@ -323,12 +325,28 @@ class Controller:
         return None
 
     def _start(self, script: Script) -> None:
+        if script.secondary:
+            self._run_secondary(script)
+            return
         self._end_program("another program")
         if self.operational:
             self.program = Program(script)
             self.runtime = Runtime.PLAYING
             self.program_error = ""
             self.heeded.clear()
+
+    def _run_secondary(self, script: Script) -> None:
+        """In a period, beside the program that runs [UR-script, "Secondary Programs"]."""
+        program = Program(script)
+        try:
+            program.step()
+            if program.running:
+                raise ScriptError("a secondary program ends within a period", script.main.name, 1)
+        except ScriptError as error:
+            error.told = f"SECONDARY_PROGRAM_EXCEPTION_XXX{error.told}"
+            self._tell_error(f"secondary program {program.name[:SHOWN]}", error, script.source)
+        finally:
+            program.end()
 
     def _end_program(self, why: str) -> None:
         if self.program is not None:
@@ -340,10 +358,14 @@ class Controller:
             self.motion = Braking(self.robot, STOP_DECELERATION)
         self.runtime = Runtime.STOPPED
 
-    def _report(self, what: str, error: ScriptError) -> None:
+    def _report(self, what: str, error: ScriptError, source: str = "") -> None:
         self.program_error = f"line {error.line}: {error}"
-        self.messages.append(ProgramError(str(error), error.line))
-        self.tell(f"{what}: {self.program_error}")
+        self._tell_error(what, error, source)
+
+    def _tell_error(self, what: str, error: ScriptError, source: str) -> None:
+        column = error.column or first_column(source, error.line)
+        self.messages.append(ProgramError(error.told, error.line, column))
+        self.tell(f"{what}: line {error.line}: {error}")
 
     def _move(self) -> None:
         """A period of the arm."""
@@ -404,7 +426,8 @@ class Controller:
         try:
             self.program.step()
         except ScriptError as error:
-            self._report(f"program {self.program.name[:SHOWN]}", error)
+            program = self.program
+            self._report(f"program {program.name[:SHOWN]}", error, program.source)
             self._end_program("an error")
             return
         if self.program is not None and not self.program.running:

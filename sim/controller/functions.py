@@ -17,12 +17,12 @@ from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse, reaching
 from sim.controller.motion_functions import motion_functions
+from sim.controller.urscript.library import library
 from sim.controller.urscript.signature import (
     ANYTHING,
     CONDITION,
     INTEGER,
     JOINTS,
-    LIST,
     NUMBER,
     PLACE,
     POSE,
@@ -37,7 +37,7 @@ from sim.controller.urscript.signature import (
     table,
     whole,
 )
-from sim.controller.urscript.values import Pose, ScriptError, Value, is_number, make_string
+from sim.controller.urscript.values import Pose, ScriptError, Value, is_number
 from sim.controller.variables import INPUTS, REGISTERS
 
 AT_REST = 1e-3
@@ -53,6 +53,7 @@ INPUT = Kind("the name of an input", lambda value: value if value in INPUTS else
 def script_functions(controller: Controller) -> dict[str, Function]:
     """All of them by name."""
     subjects = (
+        library(),
         motion_functions(controller),
         _mathematics(),
         _registers(controller),
@@ -85,10 +86,6 @@ def _mathematics() -> Iterable[Function]:
     yield row("atan2", math.atan2, x, y)
     yield row("pow", math.pow, x, y)
     yield row("norm", _norm, Parameter("a", ANYTHING), costly=True)
-    yield row("length", len, Parameter("array", LIST))
-    yield row(
-        "to_str", lambda value: make_string([value]), Parameter("value", ANYTHING), costly=True
-    )
 
 
 def _norm(value: Value) -> float:

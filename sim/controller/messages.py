@@ -10,6 +10,8 @@ class ProgramError:
     text: str
     line: int
     """Of the program; 0 where that is not known."""
+    column: int = 0
+    """Likewise."""
 
 
 @dataclass(frozen=True)

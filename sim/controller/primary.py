@@ -24,7 +24,7 @@ def package(time: float, message: Message) -> bytes:
     """
     if not isinstance(message, ProgramError):
         return b""
-    body = LINE_AND_COLUMN.pack(message.line, 0) + message.text.encode()
+    body = LINE_AND_COLUMN.pack(message.line, message.column) + message.text.encode()
     head = HEAD.pack(
         HEAD.size + len(body), ROBOT_MESSAGE, round(time * 1e6), CONTROLLER, RUNTIME_EXCEPTION
     )

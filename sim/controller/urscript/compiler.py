@@ -7,11 +7,11 @@ from collections.abc import Generator, Mapping
 from sim.controller.urscript import syntax
 from sim.controller.urscript.code import Evaluate, Jump, Writer
 from sim.controller.urscript.expressions import Expressions, constant
-from sim.controller.urscript.program import UNSET, WAITING, Code, Script, Slots, Thread
+from sim.controller.urscript.program import UNSET, WAITING, Script, Slots, Thread
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.syntax import Expression, Routine, parse
-from sim.controller.urscript.values import ScriptError, with_element
-from sim.controller.urscript.world import World, assigned, statements
+from sim.controller.urscript.values import COMPOUND, ScriptError, assigned, with_element
+from sim.controller.urscript.world import Scope, World, scopes
 
 MAX_VARIABLES = 1000
 """Of a routine, and of all routines together the global ones."""
@@ -24,7 +24,9 @@ def load(source: str, functions: Mapping[str, Function]) -> Generator[None, None
         ScriptError: It is no program, or calls what is not there.
     """
     tree = yield from parse(source)
-    return (yield from compile_program(tree, functions))
+    script = yield from compile_program(tree, functions)
+    script.source = source
+    return script
 
 
 def compile_program(
@@ -47,54 +49,39 @@ def compile_program(
         raise ScriptError(
             f"a program has no parameters, got {len(program.parameters)}", None, program.line
         )
-    routines: dict[str, Routine] = {}
-    shared: dict[str, int] = {}
-    for level, statement in statements(program.body, 1):
-        if isinstance(statement, Routine):
-            routines[statement.name] = statement
-        name = assigned(statement)
-        if name and (
-            level == 1
-            or (isinstance(statement, syntax.Declaration) and statement.scope == "global")
-        ):
-            shared.setdefault(name, len(shared))
-        yield
-    if len(shared) > MAX_VARIABLES:
+    found = yield from scopes(program)
+    main = found[0]
+    # [UR-script, "Scoping rules"]: all of the first level is global, whatever it is called there
+    names = dict.fromkeys(main.own)
+    for scope in found[1:]:
+        if scope.routine.kind == "sec":
+            raise ScriptError("a secondary program stands by itself", None, scope.routine.line)
+        names |= dict.fromkeys(name for name, how in scope.own.items() if how == "global")
+    if len(names) > MAX_VARIABLES:
         raise ScriptError(
             f"a program has {MAX_VARIABLES} global variables at most", None, program.line
         )
-    world = World(functions, routines, shared, [UNSET] * len(shared))
-    codes = world.codes
-    codes[program.name] = main = Code(program.name, "main")
-    for name, routine in routines.items():
-        codes[name] = Code(name, routine.kind, [parameter for parameter, _ in routine.parameters])
-    yield from _Statements(world, main, program).write()
-    for name, routine in routines.items():
-        yield from _Statements(world, codes[name], routine).write()
-    return Script(main, world.variables)
+    shared = {name: k for k, name in enumerate(names)}
+    secondary = program.kind == "sec"
+    world = World(functions, shared, [UNSET] * len(shared), secondary)
+    for scope in found:
+        yield from _Statements(world, scope, is_main=scope is main).write()
+    return Script(main.code, world.variables, secondary)
 
 
 class _Statements:
     """Of one routine."""
 
-    def __init__(self, world: World, code: Code, routine: Routine) -> None:
-        self._world, self._routine = world, routine
-        self._locals: dict[str, int] = {name: i for i, name in enumerate(code.parameters)}
-        if code.kind != "main":
-            self._bind()
-        self._writer = Writer(code, len(self._locals), routine.line)
-        self._expressions = Expressions(world, self._writer, self._locals)
+    def __init__(self, world: World, scope: Scope, *, is_main: bool) -> None:
+        self._world, self._routine = world, scope.routine
+        self._locals: dict[str, int] = {name: i for i, name in enumerate(scope.code.parameters)}
+        for name, how in () if is_main else scope.own.items():
+            if how == "local" or (how == "" and name not in world.shared):
+                self._locals.setdefault(name, len(self._locals))
+        self._writer = Writer(scope.code, len(self._locals), scope.routine.line)
+        self._expressions = Expressions(world, self._writer, self._locals, scope)
         self._loops: list[tuple[int, list[Jump]]] = []
         """Of the open loops: where they begin, and the jumps to their ends."""
-
-    def _bind(self) -> None:
-        """Find the variables of this routine alone: [UR-script, "Scoping rules"]."""
-        own = [statement for level, statement in statements(self._routine.body, 1) if level == 1]
-        shared = {s.name for s in own if isinstance(s, syntax.Declaration) and s.scope == "global"}
-        alone = {s.name for s in own if isinstance(s, syntax.Declaration) and s.scope == "local"}
-        for name in filter(None, map(assigned, own)):
-            if name in alone or (name not in self._world.shared and name not in shared):
-                self._locals.setdefault(name, len(self._locals))
 
     def write(self) -> Generator[None, None, None]:
         """Write the code."""
@@ -135,6 +122,8 @@ class _Statements:
                 self._thread_end(statement.word, self._expressions.value(statement.thread))
 
     def _evaluation(self, expression: Expression) -> None:
+        if isinstance(expression, syntax.Name) and expression.name == "pass":
+            return
         value, following = self._expressions.value(expression), self._writer.following
 
         def step(slots: Slots, thread: Thread) -> int:
@@ -155,15 +144,12 @@ class _Statements:
         )
 
     def _store(self, name: str, value: Evaluate) -> None:
-        at = self._locals.get(name)
-        if at is not None:
-            self._writer.keep(at, value)
-            return
-        following = self._writer.following
-        variables, place = self._world.variables, self._world.shared[name]
+        (variables, at), following = self._expressions.place(name), self._writer.following
 
         def step(slots: Slots, thread: Thread) -> int:
-            variables[place] = value(slots)
+            new = value(slots)
+            cells = slots if variables is None else variables
+            cells[at] = assigned(cells[at], new) if new.__class__ in COMPOUND else new
             return following
 
         self._writer.emit(step)
@@ -214,6 +200,8 @@ class _Statements:
 
     def _thread_end(self, word: str, thread: Evaluate) -> None:
         following = self._writer.following
+        if word == "join" and self._world.secondary:
+            raise self._writer.error("join takes time: a secondary program cannot wait")
         if word == "join":
             nowhere = self._writer.new_slot()
             self._writer.emit(lambda slots, me: me.wait(me.join(thread(slots)), following, nowhere))

@@ -5,28 +5,31 @@ A call that may wait, or run long (of a routine of the program, or of a function
 is a step of its own, whose result an expression reads from a variable without a name.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any
 
 from sim.controller.urscript import syntax
 from sim.controller.urscript.code import Evaluate, Writer
+from sim.controller.urscript.library import METHODS, Method, without_method
+from sim.controller.urscript.operators import BINARY, UNARY
 from sim.controller.urscript.program import UNSET, Slots, Thread
 from sim.controller.urscript.signature import REFUSED, REQUIRED, Function, Parameter
-from sim.controller.urscript.syntax import Expression, Routine
+from sim.controller.urscript.syntax import Expression, variable_of
 from sim.controller.urscript.values import (
-    BINARY,
-    UNARY,
     ScriptError,
     Value,
     element,
     is_number,
     make_list,
     make_pose,
+    make_struct,
+    not_found,
     shown,
     truth,
+    with_element,
 )
-from sim.controller.urscript.world import World, calls, nodes
+from sim.controller.urscript.world import Scope, World, calls, nodes
 
 LONGEST_FORMULA = 20
 """Nodes of a routine that is computed in place."""
@@ -35,17 +38,21 @@ LONGEST_FORMULA = 20
 class Expressions:
     """Those of one routine."""
 
-    def __init__(self, world: World, writer: Writer, variables: Mapping[str, int]) -> None:
+    def __init__(
+        self, world: World, writer: Writer, variables: Mapping[str, int], scope: Scope
+    ) -> None:
         """Begin.
 
         Args:
             world: What all routines share.
             writer: Of the routine's steps.
             variables: The slots of its own variables, by name.
+            scope: What the routine can call.
         """
         self._world = world
         self._writer = writer
         self._locals = variables
+        self._scope = scope
 
     def value(self, expression: Expression) -> Evaluate:
         """A closure for an expression; steps for the calls in it go before."""
@@ -53,7 +60,7 @@ class Expressions:
             case syntax.Constant():
                 return constant(expression.value)
             case syntax.Name():
-                return self.variable(expression.name)
+                return self.variable(expression.name, expression.column)
             case syntax.Unary():
                 operate, value = UNARY[expression.operator], self.value(expression.value)
                 return lambda slots: operate(value(slots))
@@ -68,8 +75,10 @@ class Expressions:
                 return lambda slots: element(value(slots), [place(slots) for place in places])
             case syntax.Call():
                 return self._call(expression)
+            case syntax.MethodCall():
+                return self._method(expression)
 
-    def variable(self, name: str) -> Evaluate:
+    def variable(self, name: str, column: int = 0) -> Evaluate:
         """What reads a variable.
 
         Raises:
@@ -86,7 +95,8 @@ class Expressions:
 
             return local
         if name not in self._world.shared:
-            raise self._writer.error(f"{shown(name)} is not defined")
+            line = self._writer.line
+            raise not_found(f"{shown(name)} is not defined", name, line, column)
         variables, place = self._world.variables, self._world.shared[name]
 
         def shared(slots: Slots) -> Value:
@@ -97,15 +107,23 @@ class Expressions:
 
         return shared
 
-    def values(self, expressions: tuple[Expression, ...]) -> list[Evaluate]:
-        """Several, evaluated from left to right, calls included."""
-        last = max(
-            (k for k, expression in enumerate(expressions) if self._takes_steps(expression)),
-            default=0,
-        )
+    def place(self, name: str) -> tuple[Slots | None, int]:
+        """Where a variable stands: among the global ones, or (None) among the routine's own."""
+        at = self._locals.get(name)
+        return (self._world.variables, self._world.shared[name]) if at is None else (None, at)
+
+    def values(
+        self, expressions: Sequence[Expression], places: "Sequence[Expressions]" = ()
+    ) -> list[Evaluate]:
+        """Several, evaluated from left to right, calls included; each sees what its place does,
+        this routine if none are given.
+        """
+        places = places or [self] * len(expressions)
+        steps = map(Expressions._takes_steps, places, expressions)
+        last = max((k for k, takes in enumerate(steps) if takes), default=0)
         values: list[Evaluate] = []
         for k, expression in enumerate(expressions):
-            value = self.value(expression)
+            value = places[k].value(expression)
             keep = k < last and not isinstance(expression, syntax.Constant)
             values.append(self._kept(value) if keep else value)
         return values
@@ -170,29 +188,84 @@ class Expressions:
         return lambda slots: make([part(slots) for part in elements])
 
     def _call(self, call: syntax.Call) -> Evaluate:
-        routine = self._world.routines.get(call.name)
-        if routine is not None:
-            return self._call_routine(call, routine)
+        scope = self._scope.visible.get(call.name)
+        if scope is not None:
+            return self._call_routine(call, scope)
+        if call.name == "struct" and not call.run:
+            return self._struct(call)
         function = self._world.functions.get(call.name)
         if function is None or call.run:
             what = "thread" if call.run else "function"
-            raise self._writer.error(f"there is no {what} {shown(call.name)}", call.line)
+            message = f"there is no {what} {shown(call.name)}"
+            raise not_found(message, call.name, call.line, call.column)
         return self._call_function(call, function)
 
-    def _call_routine(self, call: syntax.Call, routine: Routine) -> Evaluate:
+    def _struct(self, call: syntax.Call) -> Evaluate:
+        names = [name for name, _ in call.named]
+        if call.arguments or not names or len(set(names)) < len(names):
+            raise self._writer.error("struct takes values with names: struct(a=1, b=2)", call.line)
+        members = self.values(tuple(value for _, value in call.named))
+        return lambda slots: make_struct(
+            zip(names, [member(slots) for member in members], strict=True)
+        )
+
+    def _method(self, call: syntax.MethodCall) -> Evaluate:
+        method, name = METHODS.get(call.name), call.name
+        if method is not None and len(call.arguments) != method.arguments:
+            raise self._writer.error(f"{name} takes {method.arguments} arguments", call.line)
+        if method is not None and method.changes:
+            return self._change(call, method)
+        value, *arguments = self.values((call.value, *call.arguments))
+        if method is None:
+            # which value it is asked of, only the running program knows
+            return lambda slots: without_method(value(slots), name)
+        return lambda slots: method.apply(
+            name, value(slots), [argument(slots) for argument in arguments]
+        )
+
+    def _change(self, call: syntax.MethodCall, method: Method) -> Evaluate:
+        """Of the variable that a method stands behind, or of a part of it."""
+        target = variable_of(call.value)
+        if target is None:
+            raise self._writer.error(f"{call.name} changes a variable, and needs one", call.line)
+        variable, where = target
+        values = self.values((*where, *call.arguments))
+        places, arguments = values[: len(where)], values[len(where) :]
+        old = self.variable(variable.name, variable.column)
+        variables, own = self.place(variable.name)
+        name = call.name
+        at, following = self._writer.new_slot(), self._writer.following
+
+        def step(slots: Slots, thread: Thread) -> int:
+            whole, path = old(slots), [place(slots) for place in places]
+            given = [argument(slots) for argument in arguments]
+            new, slots[at] = method.apply(name, element(whole, path), given)
+            cells = slots if variables is None else variables
+            cells[own] = with_element(whole, path, new) if path else new
+            return following
+
+        self._writer.emit(step)
+        return lambda slots: slots[at]
+
+    def _call_routine(self, call: syntax.Call, scope: Scope) -> Evaluate:
+        code, routine = scope.code, scope.routine
         if (routine.kind == "thread") is not call.run:
             raise self._writer.error(
                 f"threads are run, functions called: {routine.kind} {shown(call.name)}", call.line
             )
-        code = self._world.codes[call.name]
+        if call.run and self._world.secondary:
+            raise self._writer.error("a secondary program runs no threads", call.line)
         defaults = {name: value for name, value in routine.parameters if value is not None}
-        placed = self._placed(call, [name for name, _ in routine.parameters], defaults)
-        if not all(map(_is_constant, defaults.values())):
-            raise self._writer.error(
-                f"the defaults of {shown(call.name)} are not constants", routine.line
-            )
-        arguments = self.values(placed)
-        formula = None if call.run else self._formula(call.name)
+        names = [name for name, _ in routine.parameters]
+        placed = self._placed(call, names, defaults)
+        # a default knows the global variables alone
+        there = Expressions(self._world, self._writer, {}, scope)
+        places = [
+            there if value is defaults.get(name) else self
+            for name, value in zip(names, placed, strict=True)
+        ]
+        arguments = self.values(placed, places)
+        formula = None if call.run else self._formula(scope)
         if formula is not None:
             return lambda slots: formula([argument(slots) for argument in arguments])
         at, following = self._writer.new_slot(), self._writer.following
@@ -225,6 +298,10 @@ class Expressions:
             else self._checked(function, parameter, expression, value)
             for parameter, expression, value in zip(parameters, placed, values, strict=True)
         ]
+        if function.waits and self._world.secondary:
+            raise self._writer.error(
+                f"{call.name} takes time: a secondary program cannot call it", call.line
+            )
         compute = function.call
         if not function.is_step:
             return lambda slots: compute(*[argument(slots) for argument in arguments])
@@ -284,27 +361,31 @@ class Expressions:
                 raise self._writer.error(f"{shown(call.name)} lacks its argument {name}", call.line)
         return tuple(given[name] if name in given else defaults[name] for name in names)
 
-    def _takes_a_step(self, call: syntax.Call) -> bool:
-        """Whether a call may wait, or run long."""
-        if call.run or call.name in self._world.routines:
-            return call.run or self._formula(call.name) is None
+    def _takes_a_step(self, call: syntax.Call | syntax.MethodCall) -> bool:
+        """Whether a call may wait, run long, or change a variable."""
+        if isinstance(call, syntax.MethodCall):
+            method = METHODS.get(call.name)
+            return method is not None and method.changes
+        scope = self._scope.visible.get(call.name)
+        if call.run or scope is not None:
+            return call.run or scope is None or self._formula(scope) is None
         function = self._world.functions.get(call.name)
         return function is not None and function.is_step
 
-    def _formula(self, name: str) -> Evaluate | None:
+    def _formula(self, scope: Scope) -> Evaluate | None:
         """What a routine computes of its arguments, where it is one short expression that calls no
         other routine.
 
         It is computed in place then: of the routines that clients upload most are such, and steps
         cost five times as much.
         """
-        world = self._world
-        if name not in world.formulas:
-            is_one = self._is_formula(world.routines[name].body)
-            world.formulas[name] = _formula(world, name) if is_one else None
-        return world.formulas[name]
+        if scope.is_formula is None:
+            scope.is_formula = self._is_formula(scope)
+            scope.formula = _formula(self._world, scope) if scope.is_formula else None
+        return scope.formula
 
-    def _is_formula(self, body: syntax.Block) -> bool:
+    def _is_formula(self, scope: Scope) -> bool:
+        body = scope.routine.body
         if (
             len(body) != 1
             or not isinstance(body[0], syntax.Return | syntax.Evaluation)
@@ -313,22 +394,21 @@ class Expressions:
             return False
         if len(list(islice(nodes(body[0].value), LONGEST_FORMULA + 1))) > LONGEST_FORMULA:
             return False
-        names = [call.name for call in calls(body[0].value)]
-        known = [
-            self._world.functions.get(name) for name in names if name not in self._world.routines
-        ]
-        return len(known) == len(names) and all(
-            function and not function.is_step for function in known
-        )
+        for call in calls(body[0].value):
+            function = self._world.functions.get(call.name)
+            plain = isinstance(call, syntax.Call) and call.name not in scope.visible
+            if not plain or function is None or function.is_step:
+                return False
+        return True
 
 
-def _formula(world: World, name: str) -> Evaluate:
-    code, statement = world.codes[name], world.routines[name].body[0]
+def _formula(world: World, scope: Scope) -> Evaluate:
+    code, statement = scope.code, scope.routine.body[0]
     assert isinstance(statement, syntax.Return | syntax.Evaluation), "only formulas come here"
     assert statement.value is not None, "and they compute something"
     variables = {parameter: i for i, parameter in enumerate(code.parameters)}
     writer = Writer(code, len(variables), statement.line)
-    value = Expressions(world, writer, variables).value(statement.value)
+    value = Expressions(world, writer, variables, scope).value(statement.value)
     if isinstance(statement, syntax.Return):
         return value
 
@@ -341,12 +421,6 @@ def _formula(world: World, name: str) -> Evaluate:
 def constant(value: Value) -> Evaluate:
     """Always the same."""
     return lambda slots: value
-
-
-def _is_constant(expression: Expression) -> bool:
-    if isinstance(expression, syntax.Array):
-        return all(map(_is_constant, expression.elements))
-    return isinstance(expression, syntax.Constant)
 
 
 def _as_truth(value: Evaluate) -> Evaluate:

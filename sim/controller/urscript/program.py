@@ -54,13 +54,16 @@ class Code:
     """How many variables it has, those without names included."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Script:
     """A compiled program."""
 
     main: Code
     variables: Slots
     """The global ones."""
+    secondary: bool = False
+    """Whether it is one that runs beside another, and takes no time."""
+    source: str = ""
 
     def begin(self) -> Slots:
         """Forget what an earlier run left; the main routine's variables."""
@@ -73,11 +76,11 @@ class Program:
 
     def __init__(self, script: Script) -> None:
         """Begin."""
-        self.name = script.main.name
+        self.name, self.source = script.main.name, script.source
         self.current = Thread(self, script.main, script.begin())
         """The thread whose turn it is."""
         self.alone: Thread | None = None
-        """The thread in a critical section: no other one has a turn."""
+        """The thread in a critical section that does not wait: no other one has a turn."""
         self.suspended = False
         """Whether nobody has a turn until this is False again."""
         self._main, self._variables = self.current, script.variables
@@ -158,6 +161,10 @@ class Thread:
         """A function of the controller that takes time."""
         self._back, self._result = 0, 0
         """The step behind it, and the slot for what it gives back."""
+        self._critical = False
+        """Whether it is in a critical section."""
+        self._children: list[Thread] = []
+        """That it has started, and that end with it where it is killed."""
         self.alive = True
 
     def __str__(self) -> str:
@@ -221,10 +228,13 @@ class Thread:
         return MOVED
 
     def wait(self, waiting: Generator[None, None, Value], back: int, result: int) -> int:
-        """Wait until a function is done, then go on at the step `back`, likewise."""
+        """Wait until a function is done, then go on at the step `back`, likewise. Others have
+        their turns meanwhile, also in a critical section [UR-script, "Threads"].
+        """
         self._waiting = waiting
         self._back = back
         self._result = result
+        self._hold(False)
         return WAITING
 
     def peek(self, back: int) -> int:
@@ -234,14 +244,19 @@ class Thread:
 
     def start(self, code: Code, slots: Slots) -> "Thread":
         """A new thread of the program."""
-        return self._program.start(code, slots)
+        thread = self._program.start(code, slots)
+        self._children = [*(child for child in self._children if child.alive), thread]
+        return thread
 
     def stop(self, thread: Value) -> bool:
-        """End a thread, where it is one: clients in use kill what they have not run. Whether
-        this one goes on.
+        """End a thread and those that it has started, where it is one: clients in use kill what
+        they have not run. Whether this one goes on.
         """
         if isinstance(thread, Thread):
             thread.end()
+            for child in thread._children:
+                self.stop(child)
+            thread._children = []
         return self.alive
 
     def join(self, thread: Value) -> Generator[None, None, None]:
@@ -256,9 +271,13 @@ class Thread:
             yield
 
     def critical(self, inside: bool) -> None:
-        """Keep the others from running, or no longer."""
-        if inside or self._program.alone is self:
-            self._program.alone = self if inside else None
+        """Keep the others from running, but while this one waits, or no longer."""
+        self._critical = inside
+        self._hold(inside)
+
+    def _hold(self, alone: bool) -> None:
+        if alone or self._program.alone is self:
+            self._program.alone = self if alone else None
 
     def halt(self) -> int:
         """End the program."""
@@ -280,6 +299,7 @@ class Thread:
             except StopIteration as done:
                 self._waiting, self._at = None, self._back
                 self._slots[self._result] = done.value
+                self._hold(self._critical)
         return self.alive
 
     def _go(self, max_steps: int) -> int:

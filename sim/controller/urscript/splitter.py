@@ -4,7 +4,8 @@ import re
 
 from sim.controller.urscript.values import ScriptError
 
-OPENING = re.compile(r"(?:def|thread|sec|while|if|for|switch)\b.*:$")
+WORDS = re.compile(r"""\"[^"]*\"|'[^']*'|[#$].*|\b(?:(def|thread|sec|while|if)|(end))\b""")
+"""Of a line: what opens a block, and what closes one; not those in strings, comments, labels."""
 LONGEST_PROGRAM = 1_000_000
 """Characters."""
 
@@ -31,7 +32,8 @@ class Splitter:
         else:
             self._rest += rest
         for line in lines:
-            program = self._add(line.decode("utf-8", "replace"))
+            # a string is of bytes, whatever they mean to whom [UR-script, "str_len"]
+            program = self._add(line.decode("latin-1"))
             if program:
                 complete.append(program)
         if self._length + len(self._rest) > LONGEST_PROGRAM:
@@ -42,31 +44,19 @@ class Splitter:
 
     def _add(self, line: str) -> str:
         """Take in a line; the program that it completes."""
-        bare = without_comment(line)
-        if not bare and not self._lines:
+        opened, closed = 0, 0
+        for words in WORDS.finditer(line):
+            opened += words[1] is not None
+            closed += words[2] is not None
+        bare = line.strip()
+        if not self._lines and (not bare or bare[0] in "#$"):
             return ""
         self._lines.append(line)
         self._length += len(line) + 1
-        self._depth += 1 if OPENING.match(bare) else -1 if bare == "end" else 0
+        self._depth += opened - closed
         if self._depth > 0:
             return ""
         program = "\n".join(self._lines)
         self._lines = []
-        self._depth = 0
-        self._length = 0
+        self._depth, self._length = 0, 0
         return program
-
-
-def without_comment(line: str) -> str:
-    """A line without what stands behind #, outside of quotes, and without blanks around it."""
-    if "#" not in line:
-        return line.strip()
-    quoted = ""
-    for i, letter in enumerate(line):
-        if letter == quoted:
-            quoted = ""
-        elif not quoted and letter in "\"'":
-            quoted = letter
-        elif not quoted and letter == "#":
-            return line[:i].strip()
-    return line.strip()

@@ -15,6 +15,7 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedTok
 from sim.controller.urscript.values import (
     LARGEST_INTEGER,
     LONGEST_STRING,
+    Key,
     ScriptError,
     is_number,
     shown,
@@ -24,17 +25,23 @@ DEEPEST = 60
 """Brackets in brackets, operators on operators, and blocks in blocks."""
 LONGEST_STATEMENT = 2500
 """Words up to the end of a line: nothing waits within a statement."""
+OUTSIDE = "line"
+"""Name of what stands outside of a program."""
+LONGEST_NUMBER = 300
+"""Digits."""
+LONGEST_TOLD = 200
+"""Characters of a line that the clients are told."""
 POSE_LENGTH = 6
-CONTINUED = frozenset(
-    {"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON", "AND", "OR", "XOR", "NOT"}
-)
+CONTINUED = frozenset({"EQUAL", "COMMA", "PLUS", "MINUS", "MULTIPLICATIVE", "COMPARISON"}) | {
+    "AND", "OR", "XOR", "NOT", "BANG"
+}  # fmt: skip
 """Words behind which a line goes on."""
 OPENING, CLOSING = frozenset({"LSQB", "LPAR"}), frozenset({"RSQB", "RPAR"})
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """A number, a string, True or False."""
+    """A number, a string, True, False or None; as an index also a member's name."""
 
     depth: ClassVar[int] = 1
     value: Any
@@ -47,6 +54,7 @@ class Name:
     depth: ClassVar[int] = 1
     name: str
     line: int
+    column: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +96,7 @@ class Array:
 
 @dataclass(frozen=True, slots=True)
 class Index:
-    """An element of a list, of a pose, or (with two places) of a matrix."""
+    """An element of a list, of a pose or (with two places) of a matrix, or a struct's member."""
 
     value: "Expression"
     places: tuple["Expression", ...]
@@ -103,11 +111,24 @@ class Call:
     arguments: tuple["Expression", ...]
     named: tuple[tuple[str, "Expression"], ...]
     line: int
+    column: int
     depth: int
     run: bool = False
 
 
-Expression = Constant | Name | Unary | Binary | Logic | Array | Index | Call
+@dataclass(frozen=True, slots=True)
+class MethodCall:
+    """Of what stands behind a value and a dot."""
+
+    value: "Expression"
+    name: str
+    arguments: tuple["Expression", ...]
+    line: int
+    column: int
+    depth: int
+
+
+Expression = Constant | Name | Unary | Binary | Logic | Array | Index | Call | MethodCall
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +141,7 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """To a variable, or to an element of one."""
+    """To a variable, or to an element or a member of one."""
 
     name: str
     places: tuple[Expression, ...]
@@ -205,10 +226,11 @@ Block = tuple[Statement, ...]
 
 
 def parse(source: str) -> Generator[None, None, Routine]:
-    """The tree of a program, from `def` to `end`; waits after every word.
+    """The tree of a program, from `def` to `end`, or of statements outside of one; waits after
+    every word.
 
     Raises:
-        ScriptError: It is no program, with the line where that shows.
+        ScriptError: It is no program, with the place where that shows.
     """
     parser = _parser().parse_interactive(source)
     line = 0
@@ -218,24 +240,28 @@ def parse(source: str) -> Generator[None, None, Routine]:
             yield
         return parser.feed_eof()
     except UnexpectedCharacters as error:
-        raise ScriptError(
-            f"syntax error at {shown(source[error.pos_in_stream])}", None, error.line
-        ) from None
+        at = shown(source[error.pos_in_stream])
+        raise _syntax_error(source, f"syntax error at {at}", error.line, error.column) from None
     except UnexpectedToken as error:
-        raise _unexpected(error, line) from None
+        token = error.token
+        if token.type == "$END":
+            raise _syntax_error(source, "the program has no `end`", line, 1) from None
+        at = "the end of the line" if token.type == "_NL" else shown(token)
+        raise _syntax_error(
+            source, f"syntax error at {at}", _line(token), token.column or 0
+        ) from None
     except UnexpectedInput as error:
-        raise ScriptError("syntax error", None, max(error.line, 0)) from None
+        raise _syntax_error(source, "syntax error", max(error.line, 0), error.column) from None
     except ScriptError as error:
         error.line = error.line or line
         raise
 
 
-def _unexpected(error: UnexpectedToken, line: int) -> ScriptError:
-    token = error.token
-    if token.type == "$END":
-        return ScriptError("the program has no `end`", None, line)
-    where = "the end of the line" if token.type == "_NL" else shown(token)
-    return ScriptError(f"syntax error at {where}", None, _line(token))
+def _syntax_error(source: str, message: str, line: int, column: int) -> ScriptError:
+    """In the controller's words as well: with the line in question."""
+    text = source.split("\n")[line - 1][:LONGEST_TOLD] if line > 0 else ""
+    told = f"syntax_error_on_line:{line}:{shown(text, LONGEST_TOLD, quoted=False)}:"
+    return ScriptError(message, None, line, column, told)
 
 
 class _Lines:
@@ -274,11 +300,11 @@ class _Tree(Transformer):
     def number(self, token: Token) -> Constant:
         if not token.isdigit():
             return Constant(float(token))
-        if len(token) > len(str(LARGEST_INTEGER)) or int(token) > LARGEST_INTEGER:
-            raise ScriptError(
-                f"{shown(token)} is larger than an integer can be", None, _line(token)
-            )
-        return Constant(int(token))
+        if len(token) > LONGEST_NUMBER:
+            raise ScriptError(f"{shown(token)} is too long a number", None, _line(token))
+        value = int(token)
+        # that a larger one is a float is assumed: programs in use divide by 2147483648
+        return Constant(value if value <= LARGEST_INTEGER else float(value))
 
     def string(self, token: Token) -> Constant:
         if len(token) > LONGEST_STRING:
@@ -293,8 +319,11 @@ class _Tree(Transformer):
     def false(self, token: Token) -> Constant:
         return Constant(False)
 
+    def none(self, token: Token) -> Constant:
+        return Constant(None)
+
     def name(self, token: Token) -> Name:
-        return Name(str(token), _line(token))
+        return Name(str(token), _line(token), token.column or 0)
 
     def bracket(self, inner: Expression) -> Expression:
         return inner
@@ -321,13 +350,16 @@ class _Tree(Transformer):
     def run(self, word: Token, name: Token, arguments: tuple) -> Call:
         return _call(name, arguments, run=True)
 
-    def member(self, value: Expression, name: Token) -> Expression:
-        raise ScriptError(
-            f"members of a value (.{shown(name)}) are not known here", None, _line(name)
-        )
+    def member(self, value: Expression, name: Token) -> Index:
+        return Index(value, (Constant(Key(name)),), _depth(value))
 
-    def method(self, value: Expression, name: Token, arguments: tuple) -> Expression:
-        return self.member(value, name)
+    def method(self, value: Expression, name: Token, arguments: tuple) -> MethodCall:
+        if any(isinstance(argument, tuple) for argument in arguments):
+            raise ScriptError(
+                f"{shown(name)}: arguments of a method have no names", None, _line(name)
+            )
+        depth = _depth(value, *arguments)
+        return MethodCall(value, str(name), arguments, _line(name), name.column or 0, depth)
 
     def unary(self, operator: Token, value: Expression) -> Expression:
         if operator == "-" and isinstance(value, Constant) and is_number(value.value):
@@ -351,13 +383,12 @@ class _Tree(Transformer):
         return Evaluation(value, _line_of(value))
 
     def assignment(self, target: Expression, value: Expression) -> Assignment:
-        if isinstance(target, Name):
-            return Assignment(target.name, (), value, target.line)
-        if isinstance(target, Index) and isinstance(target.value, Name):
-            return Assignment(target.value.name, target.places, value, target.value.line)
-        raise ScriptError(
-            "only variables and their elements can be assigned to", None, _line_of(target)
-        )
+        place = variable_of(target)
+        if place is None:
+            raise ScriptError(
+                "only variables and their elements can be assigned to", None, _line_of(target)
+            )
+        return Assignment(place[0].name, place[1], value, place[0].line)
 
     def declaration(self, scope: Token, name: Token, value: Expression | None) -> Declaration:
         return Declaration(str(scope), str(name), value, _line(scope))
@@ -382,7 +413,10 @@ class _Tree(Transformer):
     ) -> Routine:
         return Routine(str(kind), str(name), parameters, body, _line(kind))
 
-    program = routine
+    def program(self, block: Block) -> Routine:
+        if len(block) == 1 and isinstance(block[0], Routine):
+            return block[0]
+        return Routine("def", OUTSIDE, (), block, 1)
 
     def giving_back(self, word: Token, value: Expression | None) -> Return:
         return Return(value, _line(word))
@@ -392,6 +426,15 @@ class _Tree(Transformer):
 
     def thread_end(self, word: Token, thread: Expression) -> ThreadEnd:
         return ThreadEnd(str(word), thread, _line(word))
+
+
+def variable_of(target: Expression) -> tuple[Name, tuple[Expression, ...]] | None:
+    """The variable that an expression is a part of, and where in it; None if of none."""
+    places: tuple[Expression, ...] = ()
+    while isinstance(target, Index):
+        places = (*target.places, *places)
+        target = target.value
+    return (target, places) if isinstance(target, Name) else None
 
 
 def _present(parts: tuple) -> tuple:
@@ -421,7 +464,7 @@ def _call(name: Token, arguments: tuple, *, run: bool = False) -> Call:
     pairs = tuple((str(key), value) for key, value in arguments[first:])
     plain = arguments[:first]
     depth = _depth(*plain, *(value for _, value in pairs))
-    return Call(str(name), plain, pairs, _line(name), depth, run)
+    return Call(str(name), plain, pairs, _line(name), name.column or 0, depth, run)
 
 
 def _line(token: Token) -> int:
@@ -430,7 +473,7 @@ def _line(token: Token) -> int:
 
 def _line_of(expression: Expression) -> int:
     """Where it begins; 0 where that is not known."""
-    while not isinstance(expression, Name | Call):
+    while not isinstance(expression, Name | Call | MethodCall):
         match expression:
             case Binary():
                 expression = expression.left

@@ -1,6 +1,7 @@
 """What all routines of a program share while it is compiled, and walks through its tree."""
 
-from collections.abc import Iterator, Mapping
+from collections import ChainMap
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from sim.controller.urscript import syntax
@@ -11,17 +12,31 @@ from sim.controller.urscript.syntax import DEEPEST, Expression, Routine
 from sim.controller.urscript.values import ScriptError
 
 
+@dataclass
+class Scope:
+    """A routine as its program has it."""
+
+    routine: Routine
+    code: Code
+    visible: "ChainMap[str, Scope]"
+    """Routines that it can call: its own, and those of the routines around it."""
+    own: dict[str, str] = field(default_factory=dict)
+    """Variables that it assigns to or declares, and how: `local`, `global` or neither."""
+    formula: Evaluate | None = None
+    """What it computes, if that is one short expression."""
+    is_formula: bool | None = None
+    """None where that is not known yet."""
+
+
 @dataclass(frozen=True)
 class World:
     """What all routines share."""
 
     functions: Mapping[str, Function]
-    routines: dict[str, Routine]
     shared: dict[str, int]
     variables: Slots
-    codes: dict[str, Code] = field(default_factory=dict)
-    formulas: dict[str, Evaluate | None] = field(default_factory=dict)
-    """What routines compute that are formulas; None for those that are not."""
+    secondary: bool
+    """Whether the program may take no time."""
 
 
 def nodes(expression: Expression) -> Iterator[Expression]:
@@ -30,6 +45,8 @@ def nodes(expression: Expression) -> Iterator[Expression]:
     match expression:
         case syntax.Call():
             inner = (*expression.arguments, *(value for _, value in expression.named))
+        case syntax.MethodCall():
+            inner = (expression.value, *expression.arguments)
         case syntax.Unary():
             inner = (expression.value,)
         case syntax.Binary():
@@ -46,30 +63,46 @@ def nodes(expression: Expression) -> Iterator[Expression]:
         yield from nodes(part)
 
 
-def calls(expression: Expression) -> Iterator[syntax.Call]:
+def calls(expression: Expression) -> Iterator[syntax.Call | syntax.MethodCall]:
     """All calls in an expression."""
-    return (node for node in nodes(expression) if isinstance(node, syntax.Call))
+    return (node for node in nodes(expression) if isinstance(node, syntax.Call | syntax.MethodCall))
 
 
-def statements(
-    block: syntax.Block, level: int, depth: int = 0
-) -> Iterator[tuple[int, syntax.Statement]]:
-    """All statements, with the level of the routine that they stand in: 1 is the program's own."""
+def scopes(program: Routine) -> Generator[None, None, list[Scope]]:
+    """Those of a program and of all routines in it, its own first; waits after every statement.
+
+    Raises:
+        ScriptError: Blocks nest too deep.
+    """
+    main = Scope(program, Code(program.name, "main"), ChainMap())
+    found = [main]
+    for scope, statement in _statements(main, program.body, 0, found):
+        if isinstance(statement, syntax.Assignment):
+            scope.own.setdefault(statement.name, "")
+        elif isinstance(statement, syntax.Declaration):
+            scope.own[statement.name] = statement.scope
+        yield
+    return found
+
+
+def _statements(
+    scope: Scope, block: syntax.Block, depth: int, found: list[Scope]
+) -> Iterator[tuple[Scope, syntax.Statement]]:
+    """All statements, with the scope of the routine that they stand in."""
     for statement in block:
-        yield level, statement
+        yield scope, statement
         if depth > DEEPEST:
             raise ScriptError(f"blocks nest deeper than {DEEPEST}", None, statement.line)
         match statement:
             case Routine():
-                yield from statements(statement.body, level + 1, depth + 1)
+                code = Code(statement.name, statement.kind, [p for p, _ in statement.parameters])
+                inner = Scope(statement, code, scope.visible.new_child())
+                scope.visible.maps[0][statement.name] = inner
+                found.append(inner)
+                yield from _statements(inner, statement.body, depth + 1, found)
             case syntax.Condition():
-                for _, inner, _ in statement.branches:
-                    yield from statements(inner, level, depth + 1)
-                yield from statements(statement.otherwise, level, depth + 1)
+                for _, part, _ in statement.branches:
+                    yield from _statements(scope, part, depth + 1, found)
+                yield from _statements(scope, statement.otherwise, depth + 1, found)
             case syntax.Loop():
-                yield from statements(statement.body, level, depth + 1)
-
-
-def assigned(statement: syntax.Statement) -> str:
-    """The variable that a statement may give a value or a scope."""
-    return statement.name if isinstance(statement, syntax.Assignment | syntax.Declaration) else ""
+                yield from _statements(scope, statement.body, depth + 1, found)

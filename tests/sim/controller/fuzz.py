@@ -141,7 +141,13 @@ class Programs:
     def _value(self) -> str:
         numbers = ", ".join(f"{self._draw.uniform(-2, 2):.3g}" for _ in range(6))
         return self._draw.choice(
-            [f"[{numbers}]", f"p[{numbers}]", self._draw.choice(NUMBERS), '"x"', "True"]
+            [
+                f"[{numbers}]",
+                f"p[{numbers}]",
+                self._draw.choice(NUMBERS),
+                self._draw.choice(['"x"', "True", "None", "struct(a=1, b=[1, 2])"]),
+                self._draw.choice(["[[1, 2], [3, 4]]", "make_list(2, 1.5, 9)"]),
+            ]
         )
 
     def _block(self, depth: int) -> str:
@@ -161,6 +167,7 @@ class Programs:
             lambda: self._loop(depth),
             lambda: f"{name} = run t()",
             lambda: f"kill {name}",
+            lambda: draw.choice([f"{name}.append(1)", f"{name}.a = {self._expression(1)}"]),
             lambda: draw.choice(["halt", "enter_critical", "exit_critical", "return 1"]),
             lambda: draw.choice(["break", "continue"]) if self._loops else "pass",
         ]
@@ -200,6 +207,7 @@ class Programs:
                 f"[{', '.join(inner[: draw.randint(0, 6)])}]",
                 self._value(),
                 f"{draw.choice(self._names)}[{draw.randrange(6)}]",
+                f"{draw.choice(self._names)}.{draw.choice(['b', 'pop()', 'to_string()'])}",
                 f"f({inner[0]}, y={inner[1]})",
                 f"-{inner[0]}",
                 self._call(depth - 1),

@@ -7,6 +7,7 @@ from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import FASTEST, Controller
 from sim.controller.functions import script_functions
+from sim.controller.messages import ProgramError
 from sim.controller.states import Runtime, Safety
 from sim.robot import SimRobot
 from sim.scene import Scene
@@ -114,3 +115,58 @@ def test_a_simulation_that_has_failed_leaves_the_controller_there_and_told(contr
     assert controller.safety is Safety.FAULT
     assert np.isfinite(controller.state.q).all()
     assert controller.time == pytest.approx(0.02)
+
+
+def errors(controller):
+    told = [message for message in controller.messages if isinstance(message, ProgramError)]
+    controller.messages.clear()
+    return [(message.line, message.column, message.text) for message in told]
+
+
+def cycles(controller, count=20):
+    for _ in range(count):
+        controller.cycle()
+
+
+def test_a_secondary_program_runs_beside_the_primary_one_and_cannot_end_it(controller):
+    """[UR-script, "Secondary Programs"]"""
+    controller.run("def main():\n while True:\n sync()\n end\nend")
+    cycles(controller)
+    primary = controller.program
+    controller.run("sec a():\n write_output_integer_register(3, 7)\nend")
+    cycles(controller)
+    assert controller.out_ints[3] == 7
+    assert controller.program is primary
+    assert controller.runtime is Runtime.PLAYING
+    for wrong, line, column in (
+        ("sec b():\n  x = 1 / 0\nend", 2, 3),
+        ("sec c():\n while True:\n end\nend", 1, 1),
+        ("sec d():\n  sleep(1)\nend", 2, 3),
+    ):
+        controller.run(wrong)
+        cycles(controller)
+        ((told_line, told_column, _),) = errors(controller)
+        assert (told_line, told_column) == (line, column)
+    assert controller.program is primary
+    assert not controller.program_error.startswith("line 2: division")
+
+
+def test_a_program_is_replaced_by_the_next_and_not_by_what_is_none(controller):
+    """A call of the program behind its end is an error that a controller tells, and no more."""
+    controller.run("def first():\n  while True:\n    sync()\n  end\nend")
+    controller.run("first()")
+    cycles(controller)
+    assert controller.program.name == "first"
+    assert errors(controller) == [(1, 1, "compile_error_name_not_found:first:")]
+    controller.run("write_output_integer_register(4, 9)")
+    cycles(controller)
+    assert controller.out_ints[4] == 9
+    assert controller.program is None
+
+
+def test_an_error_is_told_with_the_place_of_its_statement(controller):
+    controller.run("def main():\n  x = 0\n    y = 1 / x\nend")
+    cycles(controller)
+    ((line, column, text),) = errors(controller)
+    assert (line, column) == (3, 5)
+    assert "division" in text

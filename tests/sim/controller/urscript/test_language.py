@@ -7,7 +7,15 @@ import time
 import pytest
 
 from sim.controller.urscript.compiler import MAX_VARIABLES, load
-from sim.controller.urscript.program import DEEPEST_CALL, MAX_SLOTS, MAX_THREADS, SLICE, Program
+from sim.controller.urscript.library import library
+from sim.controller.urscript.program import (
+    DEEPEST_CALL,
+    MAX_SLOTS,
+    MAX_THREADS,
+    PERIOD_STEPS,
+    SLICE,
+    Program,
+)
 from sim.controller.urscript.signature import (
     ANYTHING,
     JOINTS,
@@ -39,6 +47,7 @@ class Machine:
         value = Parameter("value", ANYTHING)
         self.functions = table(
             [
+                *library(),
                 row("say", self.said.append, value),
                 row("sync", sync, waits=True),
                 row("later", later, value, waits=True),
@@ -113,12 +122,57 @@ def test_what_a_program_computes_and_when_it_waits():
         ("p[1, 2, 3, 4, 5, 6][5]", 6),
         ("p[0, 0, 0.1, 0, 0, 0]", (0, 0, 0.1, 0, 0, 0)),
         (".5e1", 5.0),
+        ("2147483648 / 2", 2.0**30),
+        ("!(1 == 2) and 3 != 4", True),
+        ('"Hello" + ", " + "World!"', "Hello, World!"),
+        ("None == None", True),
+        # the examples of the manual's matrices and lists
+        ("[1, 2, 3] * [10, 20, 30]", (10, 40, 90)),
+        ("[10, 20, 30] / [1, 2, 3]", (10, 10, 10)),
+        ("[10, 20, 30] % [3, 7, 8]", (1, 6, 6)),
+        ("10 / [10, 20, 40]", (1, 0.5, 0.25)),
+        ("[11, 22, 33] % 5", (1, 2, 3)),
+        ("5 - [[10, 20], [30, 40]]", ((-5, -15), (-25, -35))),
+        ("121 % [[10, 20], [30, 40]]", ((1, 1), (1, 1))),
+        ("[[1, 2], [3, 4], [5, 6]] * [[10, 20, 30], [40, 50, 60]]",
+         ((90, 120, 150), (190, 260, 330), (290, 400, 510))),
+        ("[[1, 2], [3, 4], [5, 6]] * [10, 20]", (50, 110, 170)),
+        ("inv([[0, 1, 0], [0, 0, 1], [1, 0, 0]])", ((0, 0, 1), (1, 0, 0), (0, 1, 0))),
+        ("transpose([[1, 2], [3, 4], [5, 6]])", ((1, 3, 5), (2, 4, 6))),
+        ("transpose([1, 2, 3])", ((1,), (2,), (3,))),
+        ("transpose([[1], [2], [3]])", (1, 2, 3)),
+        ("size([[1, 2], [3, 4], [5, 6]])", (3, 2)),
+        ('size("hello") + length([1, 2]) + get_list_length([])', 7),
+        # and of its strings
+        ('str_at("Hello", 1)', "e"),
+        ('str_cat("Integer ", 1)', "Integer 1"),
+        ('str_cat("", p[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])', "p[1, 2, 3, 4, 5, 6]"),
+        ("str_cat([True, False, True], [1, 0, 1])", "[True, False, True][1, 0, 1]"),
+        ('str_empty("")', True),
+        ('str_find("Hello World!", "o", 5)', 7),
+        ('str_find("abc", "z")', -1),
+        ('str_len("\u00e9")', 1),
+        ('str_sub("0123456789abcdefghij", 5, 3)', "567"),
+        ('str_sub("abcde", 2, 50)', "cde"),
+        ('str_sub("0123456789abcdefghij", 10)', "abcdefghij"),
+        ("to_str(2.123456123456)", "2.123456"),
+        ('to_num(" -0X1f") + to_num("+5.") + to_num(".5e1")', -21.0),
+        ('to_num("10") / 4', 2.5),
+        # structs and lists with room
+        ("struct(a=1, b=[1, 2]).b[1]", 2),
+        ("struct(a=1, b=2)[1]", 2),
+        ("struct(a=1, b=\"x\").to_string()", "{a: 1, b: x}"),
+        ("make_list(3, 7, 20)", (7, 7, 7)),
+        ("make_list(3, 7, 20).capacity() + make_list(3, 7, 20).excess_capacity()", 37),
+        ("[1, 2, 3, 4].slice(1, 3)", (2, 3)),
+        ("[[1, 2], [3, 4]].get_column(1)", (2, 4)),
+        ("[[1, 2, 3], [4, 5, 6]].shape()", (2, 3)),
         ("later(1) + later(2)", 3),
         ("add(1)", 6),
         ("add(b=1, a=2)", 3),
         ("joints([1, 2, 3, 4, 5, 6])", [1, 2, 3, 4, 5, 6]),
     ],
-)
+)  # fmt: skip
 def test_expressions(expression, value):
     assert said(f"say({expression})") == [value]
 
@@ -216,20 +270,20 @@ def test_a_thread_that_never_waits_goes_on_in_the_next_period_and_leaves_others_
     assert Machine().run("while True:\n x = 1\n end", periods=50) == 50
 
 
-def test_nobody_else_has_a_turn_while_a_thread_is_in_a_critical_section():
-    body = """
-  thread other():
-    say("other")
-  end
-  t = run other()
-  enter_critical
-  sync()
-  sync()
-  say("main")
-  exit_critical
-  sync()
-"""
-    assert said(body) == ["main", "other"]
+def test_a_thread_in_a_critical_section_is_alone_but_while_it_waits():
+    """[UR-script, "Threads"]: a time-demanding command in it lets another thread run."""
+    waits = "enter_critical\nsync()\nsay(1)\nexit_critical"
+    other = 'thread other():\nsay("other")\nend\nt = run other()\n'
+    assert said(f"{other}{waits}\nsync()") == ["other", 1]
+    computes = f"i = 0\nwhile i < {PERIOD_STEPS}:\ni = i + 1\nend\nsay(1)"
+    assert said(f"{other}enter_critical\n{computes}\nexit_critical\nsync()") == [1, "other"]
+
+
+def test_a_thread_that_waits_in_a_critical_section_for_ever_does_not_starve_the_others():
+    """As a driver's servo loop does: enter, wait for a period in a motion, exit."""
+    body = "thread t():\nwhile True:\nenter_critical\nsync()\nexit_critical\nend\nend\n"
+    body += "x = run t()\ni = 0\nwhile i < 5:\nsync()\ni = i + 1\nend\nsay(i)"
+    assert said(body, periods=10) == [5]
 
 
 @pytest.mark.parametrize(
@@ -245,8 +299,22 @@ def test_nobody_else_has_a_turn_while_a_thread_is_in_a_critical_section():
             [1, 2],
         ),
         ("def f():\nglobal b = 7\nend\nf()\nsay(b)", [7]),
+        # what is called local at the first level is global
+        ("local a = 1\ndef f():\na = 2\nend\nf()\nsay(a)", [2]),
+        ("a = 1\ndef f():\nif True:\nlocal a = 2\nend\nsay(a)\nend\nf()\nsay(a)", [2, 1]),
+        ("a = [1, 2]\ndef f(a):\na[0] = 9\nsay(a)\nend\nf(a)\nsay(a)", [(9, 2), (1, 2)]),
+        ("a = 1\nthread t():\nlocal a = 2\nend\nx = run t()\njoin x\nsay(a)", [1]),
+        # functions are seen where they stand, and further in
+        (
+            "def f():\ndef h():\nreturn 1\nend\nreturn h()\nend\n"
+            "def g():\ndef h():\nreturn 2\nend\nreturn h()\nend\nsay([f(), g()])",
+            [(1, 2)],
+        ),
+        # a default is of the place where its function stands
+        ("a = 1\ndef f(x=a + later(1)):\nreturn x\nend\ndef g():\nlocal a = 5\nsay(f())\nend\ng()",
+         [2]),
     ],
-)
+)  # fmt: skip
 def test_scopes(body, values):
     assert said(body) == values
 
@@ -262,6 +330,70 @@ def test_values_are_never_shared():
     ]
 
 
+@pytest.mark.parametrize(
+    ("body", "values"),
+    [
+        ("s = struct(a=1, b=struct(c=[1, 2]))\ns.b.c[1] = 5\ns.a = 2.5\nsay(s.b.c)\nsay(s.a)",
+         [(1, 5), 2.5]),
+        ("s = struct(a=1)\nt = s\nt.a = 2\nsay([s.a, t.a])\nsay(s == t)", [(1, 2), False]),
+        ("a = make_list(2, struct(x=1), 4)\na[1].x = 3\nsay(a[0].x + a[1].x)\nsay(a.length())",
+         [4, 2]),
+        ("a = make_list(0, 0, 3)\na.append(1)\na.extend([2, 3])\nsay(a)\nsay(a.pop())\nsay(a)",
+         [(1, 2, 3), 3, (1, 2)]),
+        ("a = [1, 2, 3]\na.remove(0)\na.insert(1, 9)\nsay(a)\na.clear()\nsay(a.length())",
+         [(2, 9, 3), 0]),
+        ("s = struct(a=make_list(0, 0, 2))\ns.a.append(4)\nsay(s.a)", [(4,)]),
+        # a variable's list keeps its room
+        ("a = [1, 2, 3]\na = make_list(1, 5, 9)\nsay(a)\nsay(a.capacity())", [(5,), 3]),
+        ("a = [0, 0]\na = struct(x=1, y=2)\nsay(a)", [(1, 2)]),
+        ("a = [[1, 2], [3, 4]]\na[1][0] = 7\na[0, 1] = 8\nsay(a)", [((1, 8), (7, 4))]),
+        ("x = 0\nx = run_it()\nsay(x)\ndef run_it():\nreturn None\nend", [None]),
+    ],
+)  # fmt: skip
+def test_parts_of_values_change_where_they_stand_and_nowhere_else(body, values):
+    assert said(body) == values
+
+
+def test_killing_a_thread_kills_those_that_it_has_started():
+    child = "thread child():\nsync()\nsync()\nsay(1)\nend\n"
+    body = (
+        f"{child}thread parent():\nx = run child()\nsync()\nsync()\nend\nt = run parent()\nsync()\n"
+    )
+    assert said(f"{body}kill t\nsync()\nsync()\nsync()") == []
+    assert said(f"{body}join t\nsync()\nsync()") == [1]
+
+
+def test_a_secondary_program_may_take_no_time():
+    machine = Machine()
+    assert machine.program("sec s():\nsay(1)\nend").running
+    for waits in ("sync()", "say(later(1))", "x = 0\njoin x", "thread t():\nend\nx = run t()"):
+        with pytest.raises(ScriptError, match="secondary program"):
+            machine.program(f"sec s():\n{waits}\nend")
+
+
+def test_statements_outside_of_a_program_are_one():
+    machine = Machine()
+    machine.program("def f(x):\n return 2 * x\nend\nsay(f(4))  say(1)").step()
+    assert machine.said == [8, 1]
+
+
+@pytest.mark.parametrize(
+    ("source", "place", "told"),
+    [
+        ("def f():\n  there_is_none()\nend", (2, 3), "compile_error_name_not_found:there_is_none:"),
+        ("def f():\n  x = 1 + nothing\nend", (2, 11), "compile_error_name_not_found:nothing:"),
+        ("def f():\n  say(1\nend", (3, 1), "syntax_error_on_line:3:end:"),
+        ("def f():\n  say(1, a=)\nend", (2, 12), "syntax_error_on_line:2:  say(1, a=):"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_as_a_controller_tells_it(source, place, told):
+    """The first as the maker's own tests of its client library have it from a controller."""
+    with pytest.raises(ScriptError) as refused:
+        Machine().program(source)
+    assert (refused.value.line, refused.value.column) == place
+    assert refused.value.told == told
+
+
 def test_a_value_that_stands_on_the_next_line_belongs_to_the_assignment():
     assert said("global offset = # note\n0    global other = 3\nsay(offset + other)") == [3]
     assert said("x = [1,\n 2]\nsay(x)\ny = 1 +\n 2\nsay(y)") == [(1, 2), 3]
@@ -274,13 +406,16 @@ def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
 @pytest.mark.parametrize(
     ("source", "line", "why"),
     [
-        ("say(1)", 1, "syntax error"),
+        ("def main():\nend\nend", 3, "syntax error"),
+        ("def main():\nend garbage", 2, "not defined"),
         ("def main():\n say(1)\n", 2, "no `end`"),
         ("def main():\n x = = 2\nend", 2, "syntax error"),
         ("def main():\n\n say(\u00e9)\nend", 3, "syntax error"),
         ("def main(a):\nend", 1, "no parameters"),
         ("thread main():\nend", 1, "begins with"),
-        ("def main():\n x.y = 1\nend", 2, "members"),
+        ("def main():\n x.append()\nend", 2, "takes 1 arguments"),
+        ("def main():\n sec f():\nend\nend", 2, "stands by itself"),
+        ("def main():\n struct(1)\nend", 2, "with names"),
         ("def main():\n 1 = 2\nend", 2, "assigned to"),
         ("def main():\n break\nend", 2, "outside of a loop"),
         ("def main():\n say(nothing)\nend", 2, "not defined"),
@@ -292,7 +427,7 @@ def test_names_that_python_keeps_and_a_variable_named_as_poses_are():
         ("def main():\n say(valu=2)\nend", 2, "no parameter"),
         ("def main():\n add(a=1, 2)\nend", 2, "come before"),
         ("def main():\n port(48)\nend", 2, "integer from 0 to 47"),
-        ("def main():\n x = 99999999999\nend", 2, "larger than an integer"),
+        ("def main():\n x = " + "9" * 301 + "\nend", 2, "too long a number"),
         (
             "def main():\n x = " + "(" * 5000 + "1" + ")" * 5000 + "\nend",
             2,
@@ -337,6 +472,25 @@ def test_what_is_no_program_is_refused_with_line_and_reason(source, line, why):
         (f"x = [{'0, ' * 500}0]\ny = [x, x]", f"{LONGEST_LIST} elements"),
         ("say(True + 1)", "not defined"),
         ('say("a" * 2)', "not defined"),
+        ('say("a" + 2)', "not defined"),
+        ("say([1, 2] + [1, 2, 3])", "not defined"),
+        ("say([1, 2] * [[1, 2], [3, 4]])", "not defined"),
+        ("say([[1, 2]] / [[1, 2]])", "not defined"),
+        ("say([[65536], [1]] * [[65536, 1]])", "integer overflow"),
+        ("a = [" + "0, " * 100 + "0]\nsay(transpose([a]) * [a])", "elements at most"),
+        ("say(-p[1, 2, 3, 4, 5, 6])", "not defined"),
+        ("say(inv([[1, 2], [2, 4]]))", "singular"),
+        ("assert(1 == 2)", "does not hold"),
+        ("a = [1, 2]\na.append(3)", "room for 2"),
+        ("a = [1, 2]\na = [1, 2, 3]", "room for 2"),
+        ("a = struct(x=1)\na.x = \"b\"", "stays one"),
+        ("a = struct(x=1)\nsay(a.y)", "no member y"),
+        ("a = struct(x=1)\nsay(a[\"x\"])", "index is an integer"),
+        ("a = 1\na.initialize(2)", "no method"),
+        ('say(str_at("", 0))', "index 0"),
+        ('say(to_num("123abc"))', "no number"),
+        ('say(to_num("4294967296"))', "out of range"),
+        ("x = make_list(5, [1, 2, 3], 9)\nsay(x.slice(2, 9))", "slice"),
         ('say("a" < "b")', "order"),
         ("say(True < 2)", "order"),
         ('if "a":\nend', "condition"),
@@ -432,8 +586,9 @@ def test_a_program_that_runs_again_has_forgotten_what_it_knew():
 
 
 def test_programs_arrive_whole_however_the_packets_are_cut():
-    text = b"set unlock protective stop\ndef a():\n if True:\n  x = 1\n end\nend\n"
-    text += b"sec b():\n y = 1\nend\n"
+    text = b"set unlock protective stop\ndef a():\n if True:\n  x = 1 #end\n end\nend\n"
+    text += b"# if\n\nsec b():\r\n y = 'end' if y == 1: y = 2 end\r\n $ 1 \"end\"\r\nend\r\n"
+    text += b"def c(): return 1 end\na()\n"
     for size in (1, 7, len(text)):
         splitter = Splitter()
         pieces = [text[i : i + size] for i in range(0, len(text), size)]
@@ -441,7 +596,9 @@ def test_programs_arrive_whole_however_the_packets_are_cut():
         assert [program.split("\n")[0] for program in programs] == [
             "set unlock protective stop",
             "def a():",
-            "sec b():",
+            "sec b():\r",
+            "def c(): return 1 end",
+            "a()",
         ]
 
 
