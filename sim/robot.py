@@ -20,7 +20,7 @@ from breastscan.servo import Servo
 from sim.arm import divergence
 from sim.arm.drives import Drives
 from sim.arm.servo import ServoJ
-from sim.arm.ur5e import joint_names
+from sim.arm.ur5e import JOINTS, joint_names
 from sim.scene import HOME_Q, Scene
 from sim.tissue.breathing import rise, rising_speed
 from sim.tissue.contact import Contact, Mechanics
@@ -77,6 +77,10 @@ class SimRobot:
         self._truth = TruthRecorder()
         self.contact: Contact | None = None
         """What the tissue did to the probe in the latest period; None without tissue."""
+        self._push_B, self._push_periods = np.zeros(3), 0
+        """Force of somebody's hand on the tip [N], and for how long yet."""
+        self._held, self._held_at, self._held_periods = 0, 0.0, 0
+        """Joint that something holds fast, where [rad], and for how long yet."""
         self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
@@ -178,6 +182,15 @@ class SimRobot:
         """What the drives do to the joints, without what holds the arm's weight [N m]."""
         return self._data.qfrc_actuator[self._dofs].copy()
 
+    def external_torques(self) -> Float[np.ndarray, "6"]:
+        """What acts on the joints from outside in the latest period, dry friction included: what
+        moves the arm, less what the drives do and what it knows of itself [N m].
+        """
+        data, torque = self._data, np.zeros(self._model.nv)
+        mujoco.mj_mulM(self._model, data, torque, data.qacc)
+        torque += data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
+        return torque[self._dofs]
+
     def mass_matrix(self) -> Float[np.ndarray, "6 6"]:
         """Of the arm as it stands [kg m^2]."""
         full = np.empty((self._model.nv, self._model.nv))
@@ -250,6 +263,20 @@ class SimRobot:
         self._servo.go(q)
         self._advance()
 
+    def resync(self) -> None:
+        """Take for commanded where the joints are, at rest: what the drives press lets go."""
+        self._drives.release()
+        self._servo.place(self._data.qpos[self._joints].copy(), np.zeros(6))
+
+    def push(self, force_B: Float[np.ndarray, "3"], seconds: float) -> None:
+        """Push the tip with a force in B [N] for so long, whatever the arm does."""
+        self._push_B, self._push_periods = force_B, round(seconds / PERIOD) + 1
+
+    def hold(self, joint: int, seconds: float) -> None:
+        """Hold a joint, 0 to 5, where it is for so long [s], more stiffly than its drive does."""
+        self._held, self._held_at = joint, float(self._sample.q[joint])
+        self._held_periods = round(seconds / PERIOD) + 1
+
     def _advance(self) -> None:
         """One period: sense, press, log, integrate."""
         if self._diverged is not None:
@@ -265,6 +292,10 @@ class SimRobot:
         position, velocity = self._drives.commands(self._servo, q, inertia_torque)
         data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         X_SP = self._press(time, q)
+        if self._push_periods:
+            self._lean()
+        if self._held_periods:
+            self._clamp(q, qd)
         mujoco.mj_step2(self._model, data)
         load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
         wrench_P = self._sensor.measure(load_F, self._R_BF, *self._tool_motion())
@@ -276,6 +307,22 @@ class SimRobot:
             raise self._diverged
         self._breath_periods += 1
         self._after_period()
+
+    def _lean(self) -> None:
+        """A period of somebody's push; in the end their hand is gone."""
+        self._push_periods -= 1
+        if self._tissue is None:
+            self._applied[:] = 0.0
+        force_B = self._push_B if self._push_periods else NOTHING
+        self._applied[:3] += force_B
+        self._applied[3:] += np.cross(self._p_BP - self._tool_centre, force_B)
+
+    def _clamp(self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> None:
+        """A period of a joint's being held; in the end it is free."""
+        self._held_periods -= 1
+        i, held = self._held, self._held_periods > 0
+        pull = 2 * JOINTS[i].stiffness * (self._held_at - q[i]) - JOINTS[i].damping * qd[i]
+        self._data.qfrc_applied[self._dofs.start + i] = pull if held else 0.0
 
     def _tool_motion(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Velocity [m/s] and acceleration [m/s^2] of the tool's centre of mass in the world."""

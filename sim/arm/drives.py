@@ -34,6 +34,10 @@ class Drives:
     def __init__(self) -> None:
         self._integral = np.zeros(len(JOINTS))
 
+    def release(self) -> None:
+        """Forget the integral: the joints are not held where it belongs."""
+        self._integral[:] = 0.0
+
     def commands(
         self, wanted: ServoJ, q: Float[np.ndarray, "6"], inertia_torque: Float[np.ndarray, "6"]
     ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:

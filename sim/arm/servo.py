@@ -116,6 +116,12 @@ class ServoJ:
         self.qdd, self.qd = (qd - self.qd) / PERIOD, qd
         self._forget_waiting()
 
+    def place(self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> None:
+        """Take for commanded where the joints have got to by themselves [rad], [rad/s]."""
+        self.q = q - PERIOD * qd
+        self.qd, self.qdd = qd, np.zeros(6)
+        self._forget_waiting()
+
     def _forget_waiting(self) -> None:
         self._waiting = deque([self.q_end] * self.config.delay_periods)
 

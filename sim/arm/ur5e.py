@@ -22,6 +22,8 @@ from breastscan.robot.ur.ur5e import ANGLE_LIMIT
 from sim.arm.ur5e_shapes import MATERIALS, base_shapes, link_capsules, link_shapes
 from sim.room.describe import Element, add_collision, add_materials, add_visual, placed
 
+JOINT_END = ANGLE_LIMIT + np.deg2rad(15.0)
+"""Where the joints end, beyond what a controller lets them reach [rad]; chosen."""
 Vector = tuple[float, float, float]
 
 
@@ -129,7 +131,7 @@ def _add_link(body: Element, number: int, joint: Joint) -> None:
         fullinertia=inertia[rows, columns],
     )  # fmt: skip
     body.add(
-        "joint", name=f"joint{number}", axis=(0.0, 0.0, 1.0), range=(-ANGLE_LIMIT, ANGLE_LIMIT),
+        "joint", name=f"joint{number}", axis=(0.0, 0.0, 1.0), range=(-JOINT_END, JOINT_END),
         armature=joint.armature, damping=joint.viscous, frictionloss=joint.dry,
         actuatorfrcrange=(-joint.torque, joint.torque), actuatorgravcomp=True,
     )  # fmt: skip

@@ -12,12 +12,21 @@ from jaxtyping import Float
 
 from breastscan.errors import RobotError
 from breastscan.robot.payload import Payload
-from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.messages import Message, ProgramError
-from sim.controller.motion import Braking, ImpossibleMotion, Motion, Servo
-from sim.controller.states import RobotMode, Runtime, Safety
+from sim.controller.motion import (
+    Braking,
+    ImpossibleMotion,
+    JointSpeed,
+    Motion,
+    Servo,
+    ToolSpeed,
+    Yielding,
+)
+from sim.controller.states import Cause, RobotMode, Runtime, Safety
+from sim.controller.supervision import LIMITS, SAFE_DECELERATION, Supervision, outside
 from sim.controller.urscript.compiler import load
 from sim.controller.urscript.program import Program, Script, Thread
 from sim.controller.urscript.signature import Function
@@ -28,16 +37,16 @@ from sim.wrist.probe import payload
 
 STOP_DECELERATION = 10.0
 """Of the leading joint when a program ends [rad/s^2]."""
-SAFE_DECELERATION = 40.0
-"""The same in a stop for safety [rad/s^2]."""
+PRESSED = (Cause.COLLISION, Cause.DEVIATION)
+"""Causes after which the arm yields."""
+RELEASED = (Safety.ROBOT_EMERGENCY_STOP, Safety.SYSTEM_EMERGENCY_STOP, Safety.SAFEGUARD_STOP)
+"""What ends when somebody releases it."""
 UNLOCK_AFTER = 5.0
 """Time before a protective stop may be unlocked [s]."""
 SLIDER_RATE = 0.01
 """Change of the speed scaling in a period [-]."""
 HISTORY = 1000
 """Periods whose joint angles a program may ask for."""
-FASTEST = 1.5 * SPEED_LIMIT
-"""Of a joint [rad/s]: servoj may overshoot the speed of its targets, by less than this."""
 LOADED_WORDS = 150
 """Words of a program that are taken in a period: about a millisecond, so that no cycle waits for a
 long one."""
@@ -105,7 +114,10 @@ class Controller:
         self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
         self.runtime = Runtime.STOPPED
         self.mode = RobotMode.RUNNING
-        self.safety = Safety.NORMAL
+        self.supervision = Supervision(robot)
+        self._reduced = False
+        """Whether the limits of reduced mode are asked for."""
+        self.safety = Safety.RECOVERY if outside(robot.state().q) else Safety.NORMAL
         self.scaling, self.slider = 1.0, 1.0
         self.digital_outputs, self.analog_outputs = 0, [0.0, 0.0]
         self.X_FT = robot.X_FP.copy()
@@ -116,6 +128,8 @@ class Controller:
         self.state = robot.state()
         """The latest sample that the physics gave."""
         self.motion: Motion = motion.hold
+        self._interrupted: Motion | None = None
+        """By a pause; None while the program goes on."""
         self.owner: Thread | None = None
         """Thread that moves the arm."""
         self.program: Program | None = None
@@ -141,7 +155,7 @@ class Controller:
     @property
     def operational(self) -> bool:
         """Whether the arm may move."""
-        return self.safety is Safety.NORMAL and self.mode is RobotMode.RUNNING
+        return self.safety in LIMITS and self.mode is RobotMode.RUNNING
 
     @property
     def streams(self) -> bool:
@@ -163,7 +177,7 @@ class Controller:
         self.periods += 1
         self._take_inputs()
         self._load()
-        if self.runtime is Runtime.PLAYING:
+        if self.runtime is Runtime.PLAYING and self._goes_on():
             self._check_watchdogs()
             self._run_program()
         self._move()
@@ -204,52 +218,76 @@ class Controller:
         """Bring the arm to rest; `resume` goes on."""
         if self.runtime is Runtime.PLAYING:
             self.runtime = Runtime.PAUSED
+            self._interrupted = self._interrupted or self.motion
             self.motion = Braking(self.robot, STOP_DECELERATION)
             if self.program is not None:
                 self.program.suspended = True
 
     def resume(self) -> bool:
-        """Go on with a paused program, where that is possible."""
+        """Go on with a paused program once the arm is at rest, where that is possible."""
         possible = self.runtime is Runtime.PAUSED and self.operational
         if possible:
             self.runtime = Runtime.PLAYING
-        if possible and self.program is not None:
-            self.program.suspended = False
         return possible
 
-    def protective_stop(self, why: str) -> None:
-        """What a controller does that finds something wrong: rest, paused, until it is unlocked."""
-        if self.safety is Safety.NORMAL:
-            self.tell(f"protective stop: {why}")
+    def protective_stop(self, why: str, cause: Cause = Cause.REQUESTED, joint: int = 0) -> None:
+        """What a controller does that finds something wrong: rest, paused, until it is unlocked.
+
+        Args:
+            why: What was found.
+            cause: Of it.
+            joint: Where, from 0; of causes that name one.
+        """
+        if self.safety in LIMITS:
+            self._tell_cause("protective stop", why, cause, joint)
             self.safety, self._stopped_at = Safety.PROTECTIVE_STOP, self.time
             self.pause()
-            self.motion = Braking(self.robot, SAFE_DECELERATION)
+            brake = Braking(self.robot, SAFE_DECELERATION)
+            self.motion = Yielding(self.robot) if cause in PRESSED else brake
 
     def unlock(self) -> bool:
         """End a protective stop that is old enough."""
         if self.safety is Safety.PROTECTIVE_STOP and self.time - self._stopped_at < UNLOCK_AFTER:
             return False
         if self.safety is Safety.PROTECTIVE_STOP:
-            self.safety = Safety.NORMAL
+            self._clear()
         return True
 
-    def emergency_stop(self) -> None:
-        """Somebody hit the button: rest, and power off."""
-        self.stop_program("emergency stop")
-        self.safety, self.mode = Safety.ROBOT_EMERGENCY_STOP, RobotMode.POWER_OFF
-        self.motion = Braking(self.robot, SAFE_DECELERATION)
+    def emergency_stop(self, kind: Safety = Safety.ROBOT_EMERGENCY_STOP) -> None:
+        """Somebody hit the button, the robot's own or the system's: rest, and power off."""
+        self._cut_power(kind, "emergency stop")
+
+    def safeguard_stop(self) -> None:
+        """Somebody opened a door: rest, paused, until it is closed."""
+        if self.safety in LIMITS:
+            self.safety = Safety.SAFEGUARD_STOP
+            self.pause()
+            self.motion = Braking(self.robot, SAFE_DECELERATION)
 
     def release(self) -> None:
-        """The button is pulled out again; the arm stays without power."""
-        if self.safety is Safety.ROBOT_EMERGENCY_STOP:
-            self.safety = Safety.NORMAL
+        """The button is pulled out again, the door closed; the arm stays without power, the
+        program paused.
+        """
+        if self.safety in RELEASED:
+            self._clear()
+
+    def reduce(self, on: bool) -> None:
+        """Keep the limits of reduced mode, or those of normal mode again."""
+        self._reduced = on
+        if self.safety in (Safety.NORMAL, Safety.REDUCED):
+            self._clear()
+
+    def restart_safety(self) -> None:
+        """After a violation or a fault; the arm stays without power."""
+        self._clear()
+        self.mode = RobotMode.POWER_OFF
 
     def power(self, mode: RobotMode) -> None:
         """Power off, on, or on with the brakes released."""
         if mode is RobotMode.POWER_OFF:
             self.stop_program("power off")
             self.mode = mode
-        elif self.safety is Safety.NORMAL and mode > self.mode:
+        elif self.safety in LIMITS and mode > self.mode:
             self.mode = mode
 
     def arm_watchdog(self, variable: str, longest: float, *, stops: bool) -> None:
@@ -352,7 +390,7 @@ class Controller:
         if self.program is not None:
             self.program.end()
             self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
-        self.program, self.owner = None, None
+        self.program, self.owner, self._interrupted = None, None, None
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:
             self.motion = Braking(self.robot, STOP_DECELERATION)
@@ -372,12 +410,14 @@ class Controller:
         if self.safety is Safety.FAULT:
             return
         try:
-            if not self.motion(self.robot, self.scaling):
+            pace = 1.0 if self.streams else self.supervision.pace
+            if not self.motion(self.robot, pace * self.scaling):
                 self.motion = motion.hold
             self.state = self.robot.state()
-            self._check_joints()
+            self._supervise()
         except (ImpossibleMotion, ArithmeticError, ValueError) as error:  # nothing has moved yet
-            self.protective_stop(str(error))
+            cause = error.cause if isinstance(error, ImpossibleMotion) else Cause.SETPOINT
+            self.protective_stop(str(error), cause)
             self.motion = Braking(self.robot, SAFE_DECELERATION)
             self._move()
         except RobotError as error:  # the physics has come to no solution, and does not go on
@@ -385,13 +425,57 @@ class Controller:
             self.safety, self.mode = Safety.FAULT, RobotMode.POWER_OFF
             self.tell(f"the simulation has failed, start the twin anew: {error}")
 
-    def _check_joints(self) -> None:
-        """Stop whatever moves the arm too fast, or out of its joints' range."""
-        q, qd = self.robot.commanded
-        if not np.abs(qd).max() <= FASTEST:
-            self.protective_stop(f"a joint moves at {np.abs(qd).max():.2f} rad/s")
-        elif (np.abs(q) > ANGLE_LIMIT).any() and (q * qd)[np.abs(q) > ANGLE_LIMIT].max() > 0:
-            self.protective_stop(f"a joint is at {np.abs(q).max():.2f} rad, and leaves its range")
+    def _supervise(self) -> None:
+        """Stop the arm where something is wrong with what it does."""
+        recovers = self.safety is Safety.RECOVERY
+        if recovers and not outside(self.state.q):
+            self._clear()
+        limits = LIMITS.get(self.safety, LIMITS[Safety.NORMAL])
+        finding = self.supervision.check(limits, recovers=recovers)
+        if finding is None:
+            return
+        cause, joint, why = finding
+        if not self.operational:  # what it meets on its way to rest counts alone
+            if cause in PRESSED and isinstance(self.motion, Braking):
+                self.motion = Yielding(self.robot)
+        elif cause.violates:
+            self._tell_cause("violation", why, cause, joint)
+            self._cut_power(Safety.VIOLATION, why)
+        else:
+            self.protective_stop(why, cause, joint)
+
+    def _tell_cause(self, what: str, why: str, cause: Cause, joint: int) -> None:
+        code = cause.code(why, joint)
+        self.messages.append(code)
+        self.tell(f"{what} C{code.code}A{code.argument}: {why}")
+
+    def _cut_power(self, safety: Safety, why: str) -> None:
+        """End the program, rest, and the brakes hold the arm."""
+        self.stop_program(why)
+        self.safety, self.mode = safety, RobotMode.POWER_OFF
+        self.motion = Braking(self.robot, SAFE_DECELERATION)
+
+    def _clear(self) -> None:
+        """Nothing stops the arm any more."""
+        normal = Safety.REDUCED if self._reduced else Safety.NORMAL
+        self.safety = Safety.RECOVERY if outside(self.state.q) else normal
+
+    def _goes_on(self) -> bool:
+        """Whether the program has a turn: after a pause as soon as the arm is at rest.
+
+        A motion at a speed is taken up then; any other one was to end somewhere, and is planned
+        anew by whoever finds the arm `Braking`.
+        """
+        if self._interrupted is None:
+            return True
+        if np.abs(self.robot.commanded[1]).max() > 0:
+            return False
+        at_speed = isinstance(self._interrupted, JointSpeed | ToolSpeed)
+        self.motion = self._interrupted if at_speed else Braking(self.robot, STOP_DECELERATION)
+        self._interrupted = None
+        if self.program is not None:
+            self.program.suspended = False
+        return True
 
     def _take_inputs(self) -> None:
         """Slider and outputs, where their masks say so."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from sim.controller.controller import Controller
-from sim.controller.states import RobotMode, Runtime, Safety
+from sim.controller.states import RobotMode, Runtime
 
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "20235500001"
@@ -63,7 +63,7 @@ def _power(mode: RobotMode, reply: str) -> Callable[[Controller], str]:
 
 
 def _restart_safety(controller: Controller) -> str:
-    controller.safety, controller.mode = Safety.NORMAL, RobotMode.POWER_OFF
+    controller.restart_safety()
     return "Restarting safety"
 
 

@@ -15,9 +15,12 @@ import numpy as np
 from breastscan.errors import RobotError
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
+from sim.controller.states import Safety
 from sim.controller.urscript.values import shown
 
 CONTROL_PORT = 30100
+LONGEST_FAULT, STRONGEST_PUSH = 1e6, 1000.0
+"""[s], [N]"""
 ANSWER_TIME = 5.0
 """Longest wait for an answer [s]."""
 
@@ -36,6 +39,10 @@ class FaultInjector:
         self._actions: dict[str, Callable[[], dict[str, Any] | None]] = {
             "protective_stop": lambda: controller.protective_stop("asked for at the control port"),
             "emergency_stop": controller.emergency_stop,
+            "system_emergency_stop": lambda: controller.emergency_stop(
+                Safety.SYSTEM_EMERGENCY_STOP
+            ),
+            "safeguard_stop": controller.safeguard_stop,
             "release": controller.release,
             "script_error": lambda: controller.stop_program(
                 "an error, asked for at the control port"
@@ -45,11 +52,14 @@ class FaultInjector:
             "reset": self._reset,
             "status": self._status,
         }
-        self._with_number: dict[str, tuple[str, Callable[[float], None]]] = {
-            "silence": ("seconds", self._silence),
-            "remote_control": ("on", self._remote_control),
+        self._with_numbers: dict[str, tuple[tuple[str, ...], Callable[..., None]]] = {
+            "silence": (("seconds",), self._silence),
+            "remote_control": (("on",), self._remote_control),
+            "reduced": (("on",), lambda on: controller.reduce(bool(on))),
+            "hold": (("joint", "seconds"), self._hold),
+            "push": (("fx", "fy", "fz", "seconds"), self._push),
         }
-        """Actions with an argument, and its name."""
+        """Actions with arguments, and their names."""
 
     @property
     def silent(self) -> bool:
@@ -73,18 +83,17 @@ class FaultInjector:
         word = request.pop("do")
         if word in self._actions and not request:
             return json.dumps({"ok": True, **(self._actions[word]() or {})})
-        if word in self._with_number:
-            name, act = self._with_number[word]
-            value = request.get(name)
-            if list(request) == [name] and isinstance(value, int | float) and math.isfinite(value):
-                act(value)
+        if word in self._with_numbers:
+            names, act = self._with_numbers[word]
+            if request.keys() == set(names) and all(map(_is_finite, request.values())):
+                act(**request)
                 return json.dumps({"ok": True})
         return self._refusal(f"{shown(word)} with {shown(tuple(request))}")
 
     def _refusal(self, what: str) -> str:
         known = [
             *self._actions,
-            *(f"{word} ({name})" for word, (name, _) in self._with_number.items()),
+            *(f"{word} ({', '.join(names)})" for word, (names, _) in self._with_numbers.items()),
         ]
         return json.dumps({"ok": False, "error": f"{what}; known: {', '.join(known)}"})
 
@@ -96,6 +105,16 @@ class FaultInjector:
 
     def _silence(self, seconds: float) -> None:
         self._silent_until = self._controller.time + seconds
+
+    def _hold(self, joint: float, seconds: float) -> None:
+        """Joints count from 1, as in `joint1`."""
+        i = min(max(round(joint), 1), 6) - 1
+        self._controller.robot.hold(i, min(max(seconds, 0.0), LONGEST_FAULT))
+
+    def _push(self, fx: float, fy: float, fz: float, seconds: float) -> None:
+        """At the tip, in the base."""
+        force_B = np.clip([fx, fy, fz], -STRONGEST_PUSH, STRONGEST_PUSH)
+        self._controller.robot.push(force_B, min(max(seconds, 0.0), LONGEST_FAULT))
 
     def _remote_control(self, on: float) -> None:
         self._controller.remote_control = bool(on)
@@ -119,6 +138,10 @@ class FaultInjector:
             "cpu_s": time.process_time(),
             "digital_outputs": controller.digital_outputs,
         }
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
 
 
 def _refuse(constant: str) -> None:
@@ -146,8 +169,10 @@ class TwinControl:
         """Inject a fault, or ask for the `status`.
 
         Args:
-            action: protective_stop, emergency_stop, release, script_error, close_connections,
-                silence (`seconds`), freeze_sensor, remote_control (`on`), reset, or status.
+            action: protective_stop, emergency_stop, system_emergency_stop, safeguard_stop, release,
+                script_error, close_connections, silence (`seconds`), freeze_sensor, remote_control
+                and reduced (`on`), hold (`joint` 1 to 6, `seconds`), push (`fx`, `fy`, `fz` in B
+                [N], `seconds`), reset, or status.
             arguments: The action's.
 
         Raises:

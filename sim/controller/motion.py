@@ -10,21 +10,40 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.geometry.kinematics import singularity_measure
 from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, Trapezoid, braking
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
 from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
+from sim.controller.states import Cause
 from sim.robot import SimRobot
 
 Motion = Callable[[SimRobot, float], bool]
 """(robot, speed scaling) -> whether it goes on."""
 ROTATION_LENGTH = 0.3
 """Length that a rotation by a radian counts as in a straight motion of the tool [m]."""
+NEARING = 0.1
+"""Measure of singularity below which joints are watched for their acceleration [-]; assumed."""
+LARGEST_ACCELERATION = 40.0
+"""Of a joint there [rad/s^2]; assumed."""
+NEAR_SINGULARITY = 0.02
+"""Measure of singularity below which no straight motion leads further down [-]; assumed."""
+OFF_LINE, OFF_ROTATION = 1e-4, 1e-3
+"""That a straight motion's steps may be off their line: [m], elements of the rotation matrix."""
+CATCHING_UP = 0.9 * SPEED_LIMIT * PERIOD
+"""That a joint makes in a period where servoj's target is far away, so that the servo's overshoot
+stays within the speed limit [rad]; assumed."""
+YIELD_TIME = 0.2
+"""For which joints yield to what has pressed them [s]; assumed."""
 LONGEST_STEP = SPEED_TOLERANCE * SPEED_LIMIT * PERIOD
 """That a joint can make in a period [rad]."""
 
 
 class ImpossibleMotion(Exception):
     """A motion wants of the joints what they cannot do; nothing has moved yet."""
+
+    def __init__(self, text: str, cause: Cause = Cause.SETPOINT) -> None:
+        super().__init__(text)
+        self.cause = cause
 
 
 def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
@@ -35,6 +54,25 @@ def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
             f"a joint would move by {step:.3g} rad in a period, {LONGEST_STEP:.4f} rad is possible"
         )
     robot.go(q)
+
+
+def _check_singularity(
+    q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"], q_next: Float[np.ndarray, "6"]
+) -> None:
+    """Refuse a step of a straight motion that comes closer to a singularity than it may, or that
+    takes too much of the joints beside one.
+    """
+    measure = float(singularity_measure(q_next))
+    change = np.abs(q_next - q - PERIOD * qd).max()
+    jerks = measure < NEARING and not change <= PERIOD**2 * LARGEST_ACCELERATION
+    if jerks or not np.abs(q_next - q).max() <= LONGEST_STEP:
+        raise ImpossibleMotion(
+            f"a joint would be jerked, {measure:.3f} from a singularity", Cause.NEARING
+        )
+    if measure < NEAR_SINGULARITY and measure < float(singularity_measure(q)):
+        raise ImpossibleMotion(
+            f"the tool cannot go on straight: {measure:.3f} from a singularity", Cause.SINGULARITY
+        )
 
 
 def hold(robot: SimRobot, scaling: float) -> bool:
@@ -48,10 +86,16 @@ class Servo:
 
     def __init__(self, q: Float[np.ndarray, "6"]) -> None:
         self.q = q
+        self._now: np.ndarray | None = None
+        """What is followed: the target, as fast as `scaling` lets it be approached [rad]."""
 
     def __call__(self, robot: SimRobot, scaling: float) -> bool:
         """One period."""
-        robot.follow(self.q)
+        now = robot.commanded[0] if self._now is None else self._now
+        step, longest = self.q - now, scaling * CATCHING_UP
+        near = np.abs(step).max() <= scaling * LONGEST_STEP
+        self._now = self.q if near else now + np.clip(step, -longest, longest)
+        robot.follow(self._now)
         return True
 
 
@@ -67,6 +111,20 @@ class Braking:
         target = next(self._targets, None)
         robot.go(robot.commanded[0] if target is None else target)
         return target is not None
+
+
+class Yielding:
+    """Away from what presses the joints: they are braked, and held nowhere."""
+
+    def __init__(self, robot: SimRobot) -> None:
+        self._robot, self._left = robot, round(YIELD_TIME / PERIOD)
+
+    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+        """One period."""
+        self._robot.resync()
+        self._robot.go(self._robot.commanded[0])
+        self._left -= 1
+        return self._left > 0
 
 
 class Travel:
@@ -121,16 +179,19 @@ def straight_travel(
     """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in
     m and s.
     """
-    q = robot.commanded[0]
-    X_start, X_TF = arm.forward(q) @ X_FT, se3.inverse(X_FT)
+    X_start, X_TF = arm.forward(robot.commanded[0]) @ X_FT, se3.inverse(X_FT)
     rotation = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
     displacement = X_BT[:3, 3] - X_start[:3, 3]
 
     def joints(fraction: float) -> Float[np.ndarray, "6"]:
-        nonlocal q
         X = X_start @ se3.from_rotation_vector(fraction * rotation, np.zeros(3))
         X[:3, 3] = X_start[:3, 3] + fraction * displacement
-        q = arm.step(q, X @ X_TF)
+        before, qd = robot.commanded
+        q = arm.step(before, X @ X_TF)
+        _check_singularity(before, qd, q)
+        error = np.abs(arm.forward(q) @ X_FT - X)
+        if not (error[:3, 3].max() <= OFF_LINE and error[:3, :3].max() <= OFF_ROTATION):
+            raise ImpossibleMotion("the joints cannot follow the line", Cause.SINGULARITY)
         return q
 
     length = max(
@@ -177,7 +238,11 @@ class ToolSpeed:
         change, max_change = scaling * self._speed - now, self._acceleration * PERIOD
         largest = max(float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:])))
         wanted = now + change * min(1.0, max_change / max(largest, 1e-12))
-        _go(robot, q + PERIOD * np.linalg.lstsq(J, wanted, rcond=1e-3)[0])
+        qd_next = np.linalg.lstsq(J, wanted, rcond=1e-3)[0]
+        # beside a singularity the tool slows down before it is stopped
+        q_next = q + PERIOD * qd_next * min(1.0, SPEED_LIMIT / max(np.abs(qd_next).max(), 1e-12))
+        _check_singularity(q, qd, q_next)
+        _go(robot, q_next)
         return True
 
 

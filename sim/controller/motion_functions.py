@@ -16,6 +16,7 @@ from sim.controller import motion
 from sim.controller.controller import Controller
 from sim.controller.kinematics import inverse
 from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
+from sim.controller.states import Cause
 from sim.controller.urscript.signature import (
     ANYTHING,
     JOINTS,
@@ -145,7 +146,7 @@ class _Moves:
             not np.abs(q).max() <= ANGLE_LIMIT
             or np.abs(q - last).max() > SPEED_TOLERANCE * LATE_TIME * SPEED_LIMIT
         ):
-            controller.protective_stop("servoj: the target is too far away")
+            controller.protective_stop("servoj: the target is too far away", Cause.JUMP)
             yield
             return
         robot.tune_servo(min(max(lookahead_time, LOOKAHEAD_RANGE[0]), LOOKAHEAD_RANGE[1]),
