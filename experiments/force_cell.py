@@ -146,7 +146,7 @@ class Ground:
 @lru_cache(maxsize=1)
 def ground() -> Ground:
     """The phantom's loop; the cells of one process share it."""
-    scene, tissue = Scene(), _tissue(PhantomConfig())
+    scene, tissue = Scene(), tissue_of(PhantomConfig())
     motion = true_loop_motion(scene, tissue)
     row = float(np.searchsorted(motion.s, 0.5 * motion.s[-1]))
     X_SP = se3.inverse(scene.X_BS) @ scene.calibration.forward(motion.at(row)) @ scene.X_FP
@@ -155,14 +155,15 @@ def ground() -> Ground:
 
 
 @lru_cache(maxsize=4)
-def _tissue(config: PhantomConfig) -> SoftTissue:
+def tissue_of(config: PhantomConfig) -> SoftTissue:
+    """The phantom's tissue; the latest few are kept."""
     return SoftTissue.build(Phantom(config))
 
 
 def run(cell: Cell) -> Outcome:
     """Scan, and assess by the truth."""
     scene = Scene(_scene_config(cell))
-    tissue, motion = _tissue(scene.config.phantom), _motion(cell, scene)
+    tissue, motion = tissue_of(scene.config.phantom), _motion(cell, scene)
     tissue.reset()
     robot = LateRobot(scene, tissue, motion.q_approach)
     log = []

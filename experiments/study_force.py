@@ -23,8 +23,9 @@ from breastscan.control.laws import DEFAULT_LAW, LAW_NAMES, LawName
 from breastscan.errors import ConfigError
 from breastscan.run import writing
 from breastscan.run.provenance import provenance
-from experiments import force_cell, force_figures
+from experiments import force_cell, force_figures, force_mode_cell
 from experiments.force_cell import Cell, Outcome
+from experiments.force_mode_cell import Press
 from sim.wrist.wrench_errors import Quality
 
 SENSORS: tuple[Quality, ...] = get_args(Quality)
@@ -99,6 +100,8 @@ class ForceStudy:
     """The first of them, which the other laws see as well."""
     seeds: int = 10
     """Sensors and places on the path, of what is required of the scan's law."""
+    places: int = 8
+    """Of the loop, where the controller's own force mode presses, and the scan's law beside it."""
     jobs: int = 2
     """Processes."""
 
@@ -123,6 +126,10 @@ class Result:
     factors: dict[str, dict[str, Outcome]]
     """By circumstance."""
     hypercube: dict[str, list[Outcome]]
+    force_mode: dict[str, list[Press]]
+    """The controller's own, by circumstance."""
+    beside: dict[Quality, list[Outcome]]
+    """The scan's law at the same set-points, by sensor."""
 
 
 def run(out: Path, *, seed: int, study: ForceStudy | None = None) -> Result:
@@ -176,6 +183,30 @@ def _parallel(jobs: int) -> Callable[[list[Cell]], list[Outcome]]:
     return outcomes
 
 
+def press(places: int, seed: int, jobs: int) -> dict[str, list[Press]]:
+    """The controller's own force mode at so many places, by circumstance."""
+    wanted = [(name, k / places, seed) for name in force_mode_cell.ZEROED for k in range(places)]
+    presses = iter(
+        joblib.Parallel(n_jobs=jobs)(joblib.delayed(force_mode_cell.run)(*each) for each in wanted)
+    )
+    return {
+        name: [one for _ in range(places) for one in next(presses)]
+        for name in force_mode_cell.ZEROED
+    }
+
+
+def beside(places: int, seed: int) -> dict[Quality, list[Cell]]:
+    """The scan's law at the set-points that force mode is asked for."""
+    return {
+        sensor: [
+            Cell(law=DEFAULT_LAW, sensor=sensor, seed=seed + k, force=force, pose_offset=True)
+            for force in force_mode_cell.FORCES
+            for k in range(places)
+        ]
+        for sensor in ("ideal", "ur5e_builtin")
+    }
+
+
 def _result(
     study: ForceStudy, seed: int, outcomes: Callable[[list[Cell]], list[Outcome]]
 ) -> Result:
@@ -207,7 +238,13 @@ def _result(
         if law != DEFAULT_LAW:
             hypercube[law] = [next(done) for _ in everywhere[: study.compared]]
     return Result(
-        sensors=sensors, required=assessed, whole=loops, factors=factors, hypercube=hypercube
+        sensors=sensors,
+        required=assessed,
+        whole=loops,
+        factors=factors,
+        hypercube=hypercube,
+        force_mode=press(study.places, seed, study.jobs),
+        beside={sensor: outcomes(cells) for sensor, cells in beside(study.places, seed).items()},
     )
 
 
@@ -220,6 +257,7 @@ def _page(result: Result, study: ForceStudy) -> list[str]:
         *_law_table("circumstance, industrial sensor", result.factors),
         *_hypercube_table(result.hypercube, study.compared),
         *_extremes_table(result),
+        *force_mode_cell.table(result.force_mode, result.beside),
     ]
 
 

@@ -2,6 +2,7 @@
 # (MuJoCo's compiled modules carry no types)
 """The UR5e in MuJoCo, driven as the hardware is: joint targets every control period."""
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,8 +19,8 @@ from breastscan.robot.ur import targets
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.servo import Servo
 from sim.arm import divergence
-from sim.arm.drives import Drives
-from sim.arm.servo import ServoJ
+from sim.arm.drives import STIFFNESS, Drives
+from sim.arm.servo import ServoConfig, ServoJ
 from sim.arm.ur5e import JOINTS, joint_names
 from sim.scene import HOME_Q, Scene
 from sim.tissue.breathing import rise, rising_speed
@@ -71,9 +72,8 @@ class SimRobot:
         self.X_FP = scene.X_FP
         """Pose of the probe tip in the flange."""
         self._look_up()
-        self._sensor = WrenchSensor(
-            scene.config.wrist, payload(scene.config.mount_angle), scene.X_FP
-        )
+        self._tool = self._told_payload = payload(scene.config.mount_angle)
+        self._sensor = WrenchSensor(scene.config.wrist, self._tool, scene.X_FP)
         self._truth = TruthRecorder()
         self.contact: Contact | None = None
         """What the tissue did to the probe in the latest period; None without tissue."""
@@ -81,6 +81,8 @@ class SimRobot:
         """Force of somebody's hand on the tip [N], and for how long yet."""
         self._held, self._held_at, self._held_periods = 0, 0.0, 0
         """Joint that something holds fast, where [rad], and for how long yet."""
+        self._exerted: Float[np.ndarray, 6] | None = None
+        """Torque of the drives in this period, where they do not hold a position [N m]."""
         self._after_period: Callable[[], None] = lambda: None
         self._target = np.array(q, float)
         """The latest joint target [rad]."""
@@ -88,6 +90,7 @@ class SimRobot:
         self._drives = Drives()
         self.calibration = scene.calibration
         """The arm's kinematics as the robot tells them; the simulated arm's own may be others."""
+        self._elsewhere: mujoco.MjData | None = None
         self._diverged: RobotError | None = None
         self._breath_periods = 0
         """Since the breath began."""
@@ -105,7 +108,8 @@ class SimRobot:
         self._tool_id, self._tip_id = tool.id, tip.id
         self._tool_centre, self._applied = tool.xipos, tool.xfrc_applied
         self._p_BP, self._R_BP = tip.xpos, tip.xmat.reshape(3, 3)
-        self._R_BF = data.body("flange").xmat.reshape(3, 3)
+        flange = data.body("flange")
+        self._p_BF, self._R_BF = flange.xpos, flange.xmat.reshape(3, 3)
 
     @property
     def servo(self) -> Servo:
@@ -191,11 +195,35 @@ class SimRobot:
         torque += data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator
         return torque[self._dofs]
 
-    def mass_matrix(self) -> Float[np.ndarray, "6 6"]:
-        """Of the arm as it stands [kg m^2]."""
+    def mass_matrix(
+        self, q: Float[np.ndarray, "6"] | None = None, *, rotors: bool = True
+    ) -> Float[np.ndarray, "6 6"]:
+        """Of the arm with its tool at joint angles [rad], as it stands if None [kg m^2].
+
+        `rotors`: whether rotors and gears count.
+        """
+        data = self._data if q is None else self._still(q, np.zeros(6))
         full = np.empty((self._model.nv, self._model.nv))
-        mujoco.mj_fullM(self._model, self._data, full)
-        return full[self._dofs, self._dofs]
+        mujoco.mj_fullM(self._model, data, full)
+        mass = full[self._dofs, self._dofs]
+        return mass if rotors else mass - np.diag(self._model.dof_armature[self._dofs])
+
+    def velocity_torques(
+        self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]
+    ) -> Float[np.ndarray, "6"]:
+        """Coriolis and centrifugal torques at joint angles [rad] and speeds [rad/s] [N m]."""
+        moving = self._still(q, qd).qfrc_bias[self._dofs].copy()
+        return moving - self._still(q, np.zeros(6)).qfrc_bias[self._dofs]
+
+    def _still(self, q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> mujoco.MjData:
+        """The model's quantities in a state that the arm is not in; no time passes."""
+        if self._elsewhere is None:
+            self._elsewhere = mujoco.MjData(self._model)
+        data: mujoco.MjData = self._elsewhere
+        data.qpos[self._joints], data.qvel[self._dofs] = q, qd
+        mujoco.mj_fwdPosition(self._model, data)
+        mujoco.mj_fwdVelocity(self._model, data)
+        return data
 
     def reading_F(self) -> Float[np.ndarray, "6"]:
         """The wrist sensor's last reading, the tool's weight and all, force first, at its
@@ -204,13 +232,23 @@ class SimRobot:
         return self._sensor.reading_F
 
     def set_payload(self, payload: Payload) -> None:
-        """Tell the wrist sensor what hangs on it. It starts with the tool's own numbers."""
+        """Tell the robot what hangs on its wrist sensor. It starts with the tool's own numbers."""
+        self._told_payload = payload
         self._sensor.set_payload(payload)
 
     @property
     def commanded(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
         """The commanded state as the latest period ends: joint angles [rad] and speeds [rad/s]."""
-        return self._servo.q_end, self._servo.qd
+        return self._servo.commanded
+
+    def programmed(self) -> ServoJ:
+        """The commanded state by itself: what goes on from it moves no arm."""
+        return copy.deepcopy(self._servo)
+
+    @property
+    def servo_config(self) -> ServoConfig:
+        """How servoj follows at present."""
+        return self._servo.config
 
     @property
     def commanded_acceleration(self) -> Float[np.ndarray, "6"]:
@@ -268,6 +306,17 @@ class SimRobot:
         self._drives.release()
         self._servo.place(self._data.qpos[self._joints].copy(), np.zeros(6))
 
+    def exert(self, torque: Float[np.ndarray, "6"]) -> None:
+        """One period in which the drives hold no position: they give the joints this torque [N m],
+        beside what the weight of the arm and of the payload it was told takes.
+        """
+        self._exerted = torque
+        self._advance()
+        self._exerted = None
+        self._drives.release()
+        self._servo.place(self._data.qpos[self._joints].copy(), self._data.qvel[self._dofs].copy())
+        self._target = self._servo.q_end
+
     def push(self, force_B: Float[np.ndarray, "3"], seconds: float) -> None:
         """Push the tip with a force in B [N] for so long, whatever the arm does."""
         self._push_B, self._push_periods = force_B, round(seconds / PERIOD) + 1
@@ -289,7 +338,11 @@ class SimRobot:
         self._wanted_acceleration[self._dofs] = self._servo.qdd
         mujoco.mj_mulM(self._model, data, self._torque, self._wanted_acceleration)
         inertia_torque = self._torque[self._dofs]
-        position, velocity = self._drives.commands(self._servo, q, inertia_torque)
+        if self._exerted is None:
+            position, velocity = self._drives.commands(self._servo, q, inertia_torque)
+        else:
+            position = q + (self._exerted + self._excess_lift()) / STIFFNESS
+            velocity = qd
         data.ctrl[0::2], data.ctrl[1::2] = position, velocity  # the actuators alternate
         X_SP = self._press(time, q)
         if self._push_periods:
@@ -307,6 +360,16 @@ class SimRobot:
             raise self._diverged
         self._breath_periods += 1
         self._after_period()
+
+    def _excess_lift(self) -> Float[np.ndarray, "6"]:
+        """What lifting the payload it was told takes, over what its tool takes [N m]."""
+        excess = np.zeros(6)
+        for load, sign in ((self._told_payload, 1.0), (self._tool, -1.0)):
+            centre_B = self._p_BF + self._R_BF @ load.centre_F
+            jacobian = np.empty((3, self._model.nv))
+            mujoco.mj_jac(self._model, self._data, jacobian, None, centre_B, self._tool_id)
+            excess -= sign * load.mass * GRAVITY_W @ jacobian[:, self._dofs]
+        return excess
 
     def _lean(self) -> None:
         """A period of somebody's push; in the end their hand is gone."""

@@ -99,6 +99,11 @@ class ServoJ:
         """Where the joints are to be as the period ends [rad]."""
         return self.q + PERIOD * self.qd
 
+    @property
+    def commanded(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """Joint angles as the period ends [rad], and speeds [rad/s]."""
+        return self.q_end, self.qd
+
     def follow(self, target: Float[np.ndarray, "6"]) -> None:
         """A period of servoj, in which `target` [rad] is sent."""
         if not self.config.lag:

@@ -15,6 +15,8 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller import motion
 from sim.controller.config import ControllerConfig
+from sim.controller.force_mode import ForceGains, ForceMode
+from sim.controller.freedrive import DirectTorque, Freedrive
 from sim.controller.messages import Message, ProgramError
 from sim.controller.motion import (
     Braking,
@@ -123,7 +125,11 @@ class Controller:
         self.X_FT = robot.X_FP.copy()
         """Pose of the tool centre point in the flange."""
         self.payload, self.inertia = payload(mount_angle), [0.0] * 6
-        self.freedrive = False
+        self._loading_payload = 0.0, self.payload, self.payload
+        """Time left [s], the payload now, and what it changes to."""
+        self.force_gains = ForceGains()
+        self.compliance: ForceMode | None = None
+        """Force mode, while it is on."""
         self.remote_control = config.remote_control
         self.state = robot.state()
         """The latest sample that the physics gave."""
@@ -158,6 +164,11 @@ class Controller:
         return self.safety in LIMITS and self.mode is RobotMode.RUNNING
 
     @property
+    def freedrive(self) -> bool:
+        """Whether the arm can be moved by hand."""
+        return isinstance(self.motion, Freedrive)
+
+    @property
     def streams(self) -> bool:
         """Whether the program follows targets as they come."""
         return isinstance(self.motion, Servo)
@@ -176,6 +187,8 @@ class Controller:
         """One period."""
         self.periods += 1
         self._take_inputs()
+        if self.payload is not self._loading_payload[2]:
+            self._change_payload(PERIOD)
         self._load()
         if self.runtime is Runtime.PLAYING and self._goes_on():
             self._check_watchdogs()
@@ -296,9 +309,21 @@ class Controller:
         """
         self.watchdogs[variable] = Watchdog(longest, stops, self.time)
 
-    def set_payload(self, mass: float, centre_F: Float[np.ndarray, "3"]) -> None:
-        """Tell the wrist sensor what hangs on it [kg, m]."""
-        self.payload = Payload(mass=mass, centre_F=centre_F)
+    def set_payload(self, mass: float, centre_F: Float[np.ndarray, "3"], over: float = 0.0) -> None:
+        """Tell the robot what hangs on its wrist sensor [kg, m]; it changes evenly for so long
+        [s].
+        """
+        self._loading_payload = over, self.payload, Payload(mass=mass, centre_F=centre_F)
+        self._change_payload(0.0)
+
+    def _change_payload(self, seconds: float) -> None:
+        """So much of the way to a payload that is changing."""
+        left, now, goal = self._loading_payload
+        part = 1.0 if left <= seconds else seconds / left
+        mass = now.mass + part * (goal.mass - now.mass)
+        centre_F = now.centre_F + part * (goal.centre_F - now.centre_F)
+        self.payload = goal if part == 1.0 else Payload(mass=mass, centre_F=centre_F)
+        self._loading_payload = left - seconds, self.payload, goal
         self.robot.set_payload(self.payload)
 
     def zero_wrench(self) -> None:
@@ -391,6 +416,7 @@ class Controller:
             self.program.end()
             self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
         self.program, self.owner, self._interrupted = None, None, None
+        self.compliance = None
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:
             self.motion = Braking(self.robot, STOP_DECELERATION)
@@ -411,7 +437,7 @@ class Controller:
             return
         try:
             pace = 1.0 if self.streams else self.supervision.pace
-            if not self.motion(self.robot, pace * self.scaling):
+            if not self._go_on(pace * self.scaling):
                 self.motion = motion.hold
             self.state = self.robot.state()
             self._supervise()
@@ -476,6 +502,14 @@ class Controller:
         if self.program is not None:
             self.program.suspended = False
         return True
+
+    def _go_on(self, scaling: float) -> bool:
+        """A period of the motion, or of what force mode makes of it; whether it goes on."""
+        holds = not isinstance(self.motion, Freedrive | DirectTorque)
+        if self.compliance is None or self.runtime is not Runtime.PLAYING or not holds:
+            return self.motion(self.robot, scaling)
+        wrench_B = self.tool_wrench_B()
+        return self.compliance.move(self.motion, self.robot, scaling, self.X_FT, wrench_B)
 
     def _take_inputs(self) -> None:
         """Slider and outputs, where their masks say so."""

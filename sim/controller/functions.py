@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
-from sim.controller import motion
 from sim.controller.controller import Controller
+from sim.controller.force_functions import force_functions
 from sim.controller.kinematics import inverse, reaching
 from sim.controller.motion_functions import motion_functions
 from sim.controller.urscript.library import library
@@ -58,7 +58,7 @@ def script_functions(controller: Controller) -> dict[str, Function]:
         _mathematics(),
         _registers(controller),
         _readings(controller),
-        _dynamics(controller),
+        force_functions(controller),
         _settings(controller),
         _unsimulated(),
         _poses(),
@@ -165,35 +165,6 @@ def _readings(controller: Controller) -> Iterable[Function]:
     yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])), costly=True)
     yield row("tool_contact", touches, Parameter("direction", JOINTS, None), costly=True)
     yield row("is_steady", is_steady, costly=True)
-    yield row("get_freedrive_status", lambda: int(controller.freedrive))
-
-
-def _dynamics(controller: Controller) -> Iterable[Function]:
-    """Of the arm as it stands, whatever joint angles are given."""
-    robot, arm = controller.robot, controller.robot.calibration
-    q = Parameter("q", JOINTS, None)
-    qd = Parameter("qd", JOINTS, None)
-    tcp = Parameter("tcp", POSE, None)
-
-    def jacobian(*_: object) -> tuple:
-        return _matrix(motion.tool_jacobian(arm, controller.state.q, controller.X_FT[:3, 3]))
-
-    yield row("get_mass_matrix", lambda *_: _matrix(robot.mass_matrix()), q,
-              Parameter("include_rotors_inertia", CONDITION, True), costly=True)  # fmt: skip
-    yield row("get_coriolis_and_centrifugal_torques", lambda *_: (0.0,) * 6, q, qd)
-    yield row("get_jacobian", jacobian, q, tcp, costly=True)
-    yield row(
-        "get_jacobian_time_derivative",
-        lambda *_: _matrix(np.zeros((6, 6))),
-        q,
-        qd,
-        tcp,
-        costly=True,
-    )
-
-
-def _matrix(values: np.ndarray) -> tuple[tuple[float, ...], ...]:
-    return tuple(map(tuple, values.tolist()))
 
 
 def _settings(controller: Controller) -> Iterable[Function]:
@@ -204,11 +175,12 @@ def _settings(controller: Controller) -> Iterable[Function]:
         controller.X_FT = pose.matrix
 
     def set_payload(
-        m: float, cog: np.ndarray | None, inertia: np.ndarray | None, *_: float
+        m: float, cog: np.ndarray | None, inertia: np.ndarray | None, over: float = 0.0
     ) -> None:
         if not 0 <= m <= HEAVIEST:
             raise ScriptError(f"a payload has 0 to {HEAVIEST} kg, got {m}", m)
-        controller.set_payload(float(m), controller.payload.centre_F if cog is None else cog)
+        centre_F = controller.payload.centre_F if cog is None else cog
+        controller.set_payload(float(m), centre_F, over)
         if inertia is not None:
             controller.inertia = inertia.tolist()
 
@@ -217,12 +189,6 @@ def _settings(controller: Controller) -> Iterable[Function]:
             controller.watchdogs.pop(variable, None)
         else:
             controller.arm_watchdog(variable, 1 / min_frequency, stops=action == "stop")
-
-    def free(on: bool) -> Callable[..., None]:
-        def switch(*_: object) -> None:
-            controller.freedrive = on
-
-        return switch
 
     def protective_stop() -> Generator[None, None, None]:
         controller.protective_stop("the program asks for it")
@@ -253,11 +219,6 @@ def _settings(controller: Controller) -> Iterable[Function]:
         Parameter("action", choice("ignore", "pause", "stop"), "pause"),
     )
     yield row("protective_stop", protective_stop, waits=True)
-    yield row("teach_mode", free(True))
-    yield row("end_teach_mode", free(False))
-    axes, frame = Parameter("freeAxes", JOINTS, None), Parameter("feature", POSE, None)
-    yield row("freedrive_mode", free(True), axes, frame)
-    yield row("end_freedrive_mode", free(False))
 
 
 def _unsimulated() -> Iterable[Function]:
@@ -277,16 +238,6 @@ def _unsimulated() -> Iterable[Function]:
             Parameter("blocking", CONDITION, False),
         ),
         "set_gravity": (Parameter("d", VECTOR),),
-        "force_mode": (
-            Parameter("task_frame", POSE),
-            Parameter("selection_vector", JOINTS),
-            Parameter("wrench", JOINTS),
-            Parameter("type", whole(1, 3)),
-            Parameter("limits", JOINTS),
-        ),
-        "end_force_mode": (),
-        "force_mode_set_damping": (Parameter("damping", NUMBER),),
-        "force_mode_set_gain_scaling": (Parameter("scaling", NUMBER),),
         "ft_rtde_input_enable": sensor,
         "enable_external_ft_sensor": sensor,
     }

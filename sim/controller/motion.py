@@ -4,6 +4,7 @@ A motion commands the robot for one period when called, and says whether it goes
 """
 
 from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -17,8 +18,25 @@ from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
 from sim.controller.states import Cause
 from sim.robot import SimRobot
 
-Motion = Callable[[SimRobot, float], bool]
-"""(robot, speed scaling) -> whether it goes on."""
+
+@runtime_checkable
+class Commanded(Protocol):
+    """What a motion moves: the robot, or under force mode what the program makes of it."""
+
+    @property
+    def commanded(self) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+        """Joint angles as the period ends [rad], and speeds [rad/s]."""
+        ...
+
+    def go(self, q: Float[np.ndarray, "6"]) -> None:
+        """A period that ends at `q` [rad]."""
+
+    def follow(self, target: Float[np.ndarray, "6"]) -> None:
+        """A period of servoj towards `target` [rad]."""
+
+
+Motion = Callable[[Commanded, float], bool]
+"""(what moves, speed scaling) -> whether it goes on."""
 ROTATION_LENGTH = 0.3
 """Length that a rotation by a radian counts as in a straight motion of the tool [m]."""
 NEARING = 0.1
@@ -46,7 +64,7 @@ class ImpossibleMotion(Exception):
         self.cause = cause
 
 
-def _go(robot: SimRobot, q: Float[np.ndarray, "6"]) -> None:
+def go(robot: Commanded, q: Float[np.ndarray, "6"]) -> None:
     """One period, to `q` [rad]."""
     step = np.abs(q - robot.commanded[0]).max()
     if not step <= LONGEST_STEP:  # NaN is none either
@@ -75,7 +93,7 @@ def _check_singularity(
         )
 
 
-def hold(robot: SimRobot, scaling: float) -> bool:
+def hold(robot: Commanded, scaling: float) -> bool:
     """Stay."""
     robot.go(robot.commanded[0])
     return True
@@ -89,7 +107,7 @@ class Servo:
         self._now: np.ndarray | None = None
         """What is followed: the target, as fast as `scaling` lets it be approached [rad]."""
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         now = robot.commanded[0] if self._now is None else self._now
         step, longest = self.q - now, scaling * CATCHING_UP
@@ -106,7 +124,7 @@ class Braking:
         """At a deceleration of the leading joint [rad/s^2]."""
         self._targets = braking(*robot.commanded, deceleration, PERIOD)
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         target = next(self._targets, None)
         robot.go(robot.commanded[0] if target is None else target)
@@ -119,7 +137,7 @@ class Yielding:
     def __init__(self, robot: SimRobot) -> None:
         self._robot, self._left = robot, round(YIELD_TIME / PERIOD)
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         self._robot.resync()
         self._robot.go(self._robot.commanded[0])
@@ -143,13 +161,13 @@ class Travel:
         )
         self._length = length
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period, of which `scaling` counts."""
         if self._profile is None:
-            _go(robot, self._joints(1.0))
+            go(robot, self._joints(1.0))
             return False
         self._time = min(self._time + scaling * PERIOD, self._profile.duration)
-        _go(robot, self._joints(self._profile.distance(self._time) / self._length))
+        go(robot, self._joints(self._profile.distance(self._time) / self._length))
         return self._time < self._profile.duration
 
 
@@ -206,12 +224,12 @@ class JointSpeed:
     def __init__(self, qd: Float[np.ndarray, "6"], acceleration: float) -> None:
         self._qd, self._acceleration = qd, acceleration
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         q, qd = robot.commanded
         change, max_change = scaling * self._qd - qd, self._acceleration * PERIOD
         largest = float(np.abs(change).max())
-        _go(robot, q + PERIOD * (qd + change * min(1.0, max_change / max(largest, 1e-12))))
+        go(robot, q + PERIOD * (qd + change * min(1.0, max_change / max(largest, 1e-12))))
         return True
 
 
@@ -230,7 +248,7 @@ class ToolSpeed:
         self._speed = speed
         self._acceleration = acceleration
 
-    def __call__(self, robot: SimRobot, scaling: float) -> bool:
+    def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         q, qd = robot.commanded
         J = tool_jacobian(self._arm, q, self._p_FT)
@@ -242,7 +260,7 @@ class ToolSpeed:
         # beside a singularity the tool slows down before it is stopped
         q_next = q + PERIOD * qd_next * min(1.0, SPEED_LIMIT / max(np.abs(qd_next).max(), 1e-12))
         _check_singularity(q, qd, q_next)
-        _go(robot, q_next)
+        go(robot, q_next)
         return True
 
 
@@ -253,6 +271,14 @@ def tool_jacobian(
     J, lever_B = arm.jacobian(q).copy(), arm.forward(q)[:3, :3] @ p_FT
     J[:3] -= cross_matrix(lever_B) @ J[3:]
     return J
+
+
+def between(
+    X_BT: Float[np.ndarray, "4 4"], X_goal: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "6"]:
+    """The small motion from a pose to another, in B: along [m] and about [rad] the axes."""
+    R = se3.pose(X_goal[:3, :3] @ X_BT[:3, :3].T, np.zeros(3))
+    return np.concatenate([X_goal[:3, 3] - X_BT[:3, 3], se3.rotation_vector(R)])
 
 
 def cross_matrix(v: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -14,11 +14,11 @@ from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE
 from sim.controller import motion
 from sim.controller.controller import Controller
+from sim.controller.force_functions import direct_torque
 from sim.controller.kinematics import inverse
 from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
 from sim.controller.states import Cause
 from sim.controller.urscript.signature import (
-    ANYTHING,
     JOINTS,
     NUMBER,
     PLACE,
@@ -69,14 +69,7 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
         row("speedl", moves.speedl, Parameter("xd", JOINTS), tool_a, until, rotation_a),
         row("stopj", moves.stopj, Parameter("a", NUMBER, 2.0)),
         row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), rotation_a),
-        row(
-            "direct_torque",
-            moves.direct_torque,
-            Parameter("target_torque", JOINTS),
-            Parameter("friction_comp", ANYTHING, True),
-            Parameter("viscous_scale", JOINTS, None),
-            Parameter("coulomb_scale", JOINTS, None),
-        ),
+        *direct_torque(controller),
     )
     yield from (row(r.name, _owned(controller, r.call), *r.parameters, waits=True) for r in rows)
     yield row("sync", _sync, waits=True)
@@ -186,10 +179,6 @@ class _Moves:
         """The same at a deceleration of the tool."""
         # about so much of the leading joint, for a tool half a metre away
         yield from self.stopj(2 * a)
-
-    def direct_torque(self, *_: object) -> Wait:
-        """Taken, and not simulated."""
-        yield
 
     def _arrive(self, plan: Callable[[], Motion]) -> Wait:
         """Move, and wait until that is done; after a pause again, from wherever the arm is then."""

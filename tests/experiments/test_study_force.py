@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from breastscan.control.laws import LAW_NAMES
-from experiments import force_cell, study_force
+from experiments import force_cell, force_mode_cell, study_force
 from experiments.force_cell import Cell
 
 NOMINAL = Cell(law="observer", sensor="ideal")
@@ -56,3 +56,13 @@ def test_the_hypercube_visits_every_part_of_every_range():
 def test_every_law_and_every_sensor_is_compared():
     assert set(study_force.LAW_NAMES) == set(LAW_NAMES)
     assert set(study_force.SENSORS) == {"ideal", "industrial", "ur5e_builtin"}
+
+
+def test_the_controllers_own_force_mode_is_as_good_as_its_sensor():
+    presses = force_mode_cell.run("ideal sensor", 0.25, 0)
+    assert [p.force for p in presses] == list(force_mode_cell.FORCES)
+    assert max(p.deviation for p in presses) < 0.1
+    assert max(p.sliding for p in presses) < 1.0
+    pressed = dict.fromkeys(force_mode_cell.ZEROED, presses)
+    rows = [row for row in force_mode_cell.table(pressed, {}) if row.startswith("| force mode")]
+    assert len(rows) == len(pressed)
