@@ -32,11 +32,15 @@ REQUEST = re.compile(rb" HTTP/\d")
 class Client:
     """One accepted socket, and what answers at it."""
 
-    def __init__(self, sock: socket.socket, gone: Callable[["Client"], None]) -> None:
+    def __init__(
+        self, sock: socket.socket, gone: Callable[["Client"], None], address: str = ""
+    ) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         self.sock = sock
+        self.address = address
+        """Of the machine at the other end."""
         self._gone = gone
         self._unsent = b""
         self._taken_at = time.monotonic()

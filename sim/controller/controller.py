@@ -17,7 +17,7 @@ from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.force_mode import ForceGains, ForceMode
 from sim.controller.freedrive import DirectTorque, Freedrive
-from sim.controller.messages import Message, ProgramError
+from sim.controller.messages import Message, Popup, ProgramError
 from sim.controller.motion import (
     Braking,
     ImpossibleMotion,
@@ -27,6 +27,7 @@ from sim.controller.motion import (
     ToolSpeed,
     Yielding,
 )
+from sim.controller.sockets import Sockets
 from sim.controller.states import Cause, RobotMode, Runtime, Safety
 from sim.controller.supervision import LIMITS, SAFE_DECELERATION, Supervision, outside
 from sim.controller.urscript.compiler import load
@@ -37,6 +38,7 @@ from sim.controller.variables import INPUTS, REGISTERS, zero
 from sim.robot import SimRobot
 from sim.wrist.probe import payload
 
+LOOPBACK = "127.0.0.1"
 STOP_DECELERATION = 10.0
 """Of the leading joint when a program ends [rad/s^2]."""
 PRESSED = (Cause.COLLISION, Cause.DEVIATION)
@@ -81,6 +83,8 @@ class _Loading:
     source: str
     words: Generator[None, None, Script]
     """Loads it, a word a turn."""
+    address: str
+    """Of the machine that sent it."""
 
 
 class Controller:
@@ -122,6 +126,16 @@ class Controller:
         self.safety = Safety.RECOVERY if outside(robot.state().q) else Safety.NORMAL
         self.scaling, self.slider = 1.0, 1.0
         self.digital_outputs, self.analog_outputs = 0, [0.0, 0.0]
+        self.digital_inputs, self.analog_inputs = 0, [0.0] * 4
+        """Bits: 8 standard, 8 configurable, 2 of the tool; levels: 2 standard, 2 of the tool
+        [V]."""
+        self.flags, self.tool_voltage = 0, 0
+        self.analog_types = 0b1111
+        """Bits: 2 inputs, 2 outputs, 2 inputs of the tool; whether a level is a voltage, else it is
+        a current."""
+        self.out_bits = [False] * 128
+        self.popup: Popup | None = None
+        """What the operator sees; a program that waits for him goes on once it is None."""
         self.X_FT = robot.X_FP.copy()
         """Pose of the tool centre point in the flange."""
         self.payload, self.inertia = payload(mount_angle), [0.0] * 6
@@ -139,6 +153,9 @@ class Controller:
         self.owner: Thread | None = None
         """Thread that moves the arm."""
         self.program: Program | None = None
+        self.program_from = LOOPBACK
+        """Address of the machine that sent it, the only one that it may connect to."""
+        self.sockets = Sockets()
         self.watchdogs: dict[str, Watchdog] = {}
         self.history: deque[np.ndarray] = deque(maxlen=HISTORY)
         self.periods = 0
@@ -178,6 +195,13 @@ class Controller:
         self.heeded.add(name)
         return self.inputs[name]
 
+    def input_bit(self, i: int) -> bool:
+        """One of the boolean registers that clients write."""
+        if i >= 64:
+            return bool(self.inputs[f"input_bit_register_{i}"])
+        word = ("input_bit_registers0_to_31", "input_bit_registers32_to_63")[i // 32]
+        return bool(int(self.inputs[word]) >> i % 32 & 1)  # type: ignore[arg-type]
+
     def write(self, values: dict[str, float | list[float]]) -> None:
         """Take in inputs; the next period sees the newest."""
         self.inputs.update(values)
@@ -196,7 +220,7 @@ class Controller:
         self._move()
         self.history.append(self.state.q)
 
-    def run(self, source: str, sender: object = None) -> None:
+    def run(self, source: str, sender: object = None, address: str = LOOPBACK) -> None:
         """Start a program or what stands outside of one, as soon as it is loaded: a secondary one
         beside the program that runs, any other one in its place.
 
@@ -204,6 +228,7 @@ class Controller:
             source: The program, or the line.
             sender: Whose it is: those of one sender are loaded one after the other, those of
                 several by turns.
+            address: Of the machine that sent it.
         """
         command = source.strip()
         if command in _COMMANDS:
@@ -220,7 +245,7 @@ class Controller:
                 ScriptError(f"{WAITING_PROGRAMS} others of this client wait"),
             )
             return
-        waiting.append(_Loading(source, load(source, self.functions)))
+        waiting.append(_Loading(source, load(source, self.functions), address))
 
     def stop_program(self, why: str) -> None:
         """End the program, and whatever waits to be one, and bring the arm to rest."""
@@ -366,7 +391,7 @@ class Controller:
             self._report("a program was refused", error, waiting.popleft().source)
         else:
             if script is not None:
-                self._start(script)
+                self._start(script, waiting[0].address)
                 waiting.popleft()
         if waiting:
             self._loading[sender] = waiting  # as the last of all
@@ -387,13 +412,13 @@ class Controller:
             return done.value
         return None
 
-    def _start(self, script: Script) -> None:
+    def _start(self, script: Script, address: str) -> None:
         if script.secondary:
             self._run_secondary(script)
             return
         self._end_program("another program")
         if self.operational:
-            self.program = Program(script)
+            self.program, self.program_from = Program(script), address
             self.runtime = Runtime.PLAYING
             self.program_error = ""
             self.heeded.clear()
@@ -417,6 +442,7 @@ class Controller:
             self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
         self.program, self.owner, self._interrupted = None, None, None
         self.compliance = None
+        self.sockets.close_all()
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:
             self.motion = Braking(self.robot, STOP_DECELERATION)

@@ -5,8 +5,8 @@ A name that no row has is refused where a program calls it. `motion_functions` h
 time.
 """
 
-import math
 from collections.abc import Callable, Generator, Iterable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,13 +15,16 @@ from breastscan.geometry import se3
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
 from sim.controller.controller import Controller
 from sim.controller.force_functions import force_functions
+from sim.controller.io_functions import io_functions
 from sim.controller.kinematics import inverse, reaching
+from sim.controller.math_functions import math_functions
 from sim.controller.motion_functions import motion_functions
+from sim.controller.operator_functions import operator_functions
+from sim.controller.outputs import TEMPERATURE
+from sim.controller.socket_functions import socket_functions
 from sim.controller.urscript.library import library
 from sim.controller.urscript.signature import (
-    ANYTHING,
     CONDITION,
-    INTEGER,
     JOINTS,
     NUMBER,
     PLACE,
@@ -37,8 +40,8 @@ from sim.controller.urscript.signature import (
     table,
     whole,
 )
-from sim.controller.urscript.values import Pose, ScriptError, Value, is_number
-from sim.controller.variables import INPUTS, REGISTERS
+from sim.controller.urscript.values import Pose, ScriptError
+from sim.controller.variables import INPUTS
 
 AT_REST = 1e-3
 """Joint speed below which the arm is steady [rad/s]."""
@@ -46,6 +49,12 @@ CONTACT_FORCE = 5.0
 """Force that counts as contact of the tool [N]."""
 HEAVIEST = 5.0
 """Payload of a UR5e [kg] [UR-limits]."""
+UP = (0.0, 0.0, 9.82)
+"""The acceleration that an arm that stands upright experiences, as programs say it [m/s^2]."""
+UPRIGHT = 0.02
+"""Tangent of the angle by which a program's gravity may deviate [-]: a base that is not quite
+level."""
+Vector3 = Float[np.ndarray, "3"]
 Vector6 = Float[np.ndarray, "6"]
 INPUT = Kind("the name of an input", lambda value: value if value in INPUTS else REFUSED)
 
@@ -55,66 +64,17 @@ def script_functions(controller: Controller) -> dict[str, Function]:
     subjects = (
         library(),
         motion_functions(controller),
-        _mathematics(),
-        _registers(controller),
+        socket_functions(controller),
+        math_functions(),
+        io_functions(controller),
+        operator_functions(controller),
         _readings(controller),
         force_functions(controller),
         _settings(controller),
-        _unsimulated(),
-        _poses(),
+        _without_effect(),
         _kinematics(controller),
     )
     return table(function for subject in subjects for function in subject)
-
-
-def _mathematics() -> Iterable[Function]:
-    x, y = Parameter("x", NUMBER), Parameter("y", NUMBER)
-    one = {
-        "sin": math.sin,
-        "cos": math.cos,
-        "tan": math.tan,
-        "asin": math.asin,
-        "acos": math.acos,
-        "atan": math.atan,
-        "sqrt": math.sqrt,
-        "floor": math.floor,
-        "ceil": math.ceil,
-        "d2r": math.radians,
-        "r2d": math.degrees,
-    }
-    yield from (row(name, compute, x) for name, compute in one.items())
-    yield row("atan2", math.atan2, x, y)
-    yield row("pow", math.pow, x, y)
-    yield row("norm", _norm, Parameter("a", ANYTHING), costly=True)
-
-
-def _norm(value: Value) -> float:
-    numbers = value if isinstance(value, tuple) else (value,)
-    if not all(map(is_number, numbers)):
-        raise ScriptError("norm: a is a number or a list of numbers", value)
-    return math.hypot(*numbers)
-
-
-def _registers(controller: Controller) -> Iterable[Function]:
-    place = Parameter("port_id", whole(0, REGISTERS - 1))
-    doubles, ints = (
-        [f"input_{kind}_register_{i}" for i in range(REGISTERS)] for kind in ("double", "int")
-    )
-
-    def write_float(i: int, value: float) -> None:
-        controller.out_doubles[i] = float(value)
-
-    def write_integer(i: int, value: int) -> None:
-        controller.out_ints[i] = value
-
-    yield row("read_input_float_register", lambda i: controller.read_input(doubles[i]), place)
-    yield row("read_input_integer_register", lambda i: controller.read_input(ints[i]), place)
-    yield row("write_output_float_register", write_float, place, Parameter("value", NUMBER))
-    yield row("write_output_integer_register", write_integer, place, Parameter("value", INTEGER))
-    yield row(
-        "write_output_boolean_register", lambda i, value: None,
-        Parameter("port_id", whole(0, 127)), Parameter("value", CONDITION),
-    )  # fmt: skip
 
 
 def _readings(controller: Controller) -> Iterable[Function]:
@@ -124,7 +84,10 @@ def _readings(controller: Controller) -> Iterable[Function]:
         return tuple(controller.history[max(-len(controller.history), -1 - steps)].tolist())
 
     def touches(direction: Vector6) -> int:
-        return int(np.linalg.norm(controller.tool_wrench_B()[:3]) > CONTACT_FORCE)
+        force_B, way_B = controller.tool_wrench_B()[:3], direction[:3]
+        length = float(np.linalg.norm(way_B))
+        against = -force_B @ way_B / length if length > 0 else np.linalg.norm(force_B)
+        return int(against > CONTACT_FORCE)
 
     def is_steady() -> bool:
         return bool(
@@ -135,19 +98,26 @@ def _readings(controller: Controller) -> Iterable[Function]:
         "get_actual_joint_positions": lambda: controller.state.q,
         "get_actual_joint_speeds": lambda: controller.state.qd,
         "get_target_joint_positions": lambda: robot.commanded[0],
+        "get_joint_positions": lambda: robot.commanded[0],
         "get_target_joint_speeds": lambda: robot.commanded[1],
         "get_target_joint_accelerations": lambda: robot.commanded_acceleration,
         "get_actual_tcp_speed": lambda: controller.tool_speed(
             controller.state.q, controller.state.qd
         ),
-        "get_target_tcp_speed": lambda: controller.tool_speed(*robot.commanded),
+        **dict.fromkeys(
+            ("get_target_tcp_speed", "get_target_tcp_speed_along_path"),
+            lambda: controller.tool_speed(*robot.commanded),
+        ),
+        "get_tool_accelerometer_reading": lambda: arm.forward(controller.state.q)[:3, :3].T @ UP,
         "get_tcp_force": controller.tool_wrench_B,
         "get_joint_torques": robot.drive_torques,
     }
     poses: dict[str, Callable[[], np.ndarray]] = {
         "get_actual_tcp_pose": lambda: controller.tool_pose(controller.state.q),
-        "get_target_tcp_pose": lambda: controller.tool_pose(robot.commanded[0]),
-        "get_target_waypoint": lambda: controller.tool_pose(robot.commanded[0]),
+        **dict.fromkeys(
+            ("get_target_tcp_pose", "get_target_tcp_pose_along_path"),
+            lambda: controller.tool_pose(robot.commanded[0]),
+        ),
         "get_actual_tool_flange_pose": lambda: arm.forward(controller.state.q),
         "get_tcp_offset": lambda: controller.X_FT,
     }
@@ -159,11 +129,14 @@ def _readings(controller: Controller) -> Iterable[Function]:
         row(name, lambda read=read: Pose.of(read()), costly=True) for name, read in poses.items()
     )
     yield row("get_steptime", lambda: PERIOD)
+    yield from (row(name, lambda: TEMPERATURE) for name in ("get_controller_temp", "get_tool_temp"))
+    yield row("get_joint_temp", lambda j: TEMPERATURE, Parameter("j", whole(0, 5)))
+    yield row("get_tool_current", lambda: 0.0)
     yield row(
         "get_actual_joint_positions_history", history, Parameter("steps", whole(0, 2**31 - 1), 0)
     )
     yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])), costly=True)
-    yield row("tool_contact", touches, Parameter("direction", JOINTS, None), costly=True)
+    yield row("tool_contact", touches, Parameter("direction", JOINTS, np.zeros(6)), costly=True)
     yield row("is_steady", is_steady, costly=True)
 
 
@@ -221,52 +194,49 @@ def _settings(controller: Controller) -> Iterable[Function]:
     yield row("protective_stop", protective_stop, waits=True)
 
 
-def _unsimulated() -> Iterable[Function]:
-    """Taken, checked, and without effect here."""
-    message = (Parameter("s1", ANYTHING), Parameter("s2", ANYTHING, ""))
+def _without_effect() -> Iterable[Function]:
+    """Settings that the twin has as they are, and refuses to have otherwise."""
+
+    def nothing(*_: object) -> None:
+        """What is asked for is so."""
+
+    def set_gravity(d: Vector3) -> None:
+        if not np.linalg.norm(np.cross(d, UP)) < UPRIGHT * d[2]:
+            raise ScriptError(f"set_gravity: the simulated arm stands upright, got {d.tolist()}", d)
+
+    def refusing(name: str, why: str) -> Callable[..., None]:
+        def call(on: bool, *_: object) -> None:
+            if on:
+                raise ScriptError(f"{name}: {why}")
+
+        return call
+
     sensor = (
         Parameter("enable", CONDITION), Parameter("sensor_mass", NUMBER, 0.0),
         Parameter("sensor_measuring_offset", VECTOR, None), Parameter("sensor_cog", VECTOR, None),
     )  # fmt: skip
-    rows: dict[str, tuple[Parameter, ...]] = {
-        "textmsg": message,
-        "popup": (
-            Parameter("s", ANYTHING),
-            Parameter("title", TEXT, ""),
-            Parameter("warning", CONDITION, False),
-            Parameter("error", CONDITION, False),
-            Parameter("blocking", CONDITION, False),
-        ),
-        "set_gravity": (Parameter("d", VECTOR),),
-        "ft_rtde_input_enable": sensor,
-        "enable_external_ft_sensor": sensor,
-    }
-    yield from (row(name, lambda *_: None, *parameters) for name, parameters in rows.items())
-
-
-def _poses() -> Iterable[Function]:
-    def added(a: Pose, b: Pose, sign: float) -> Pose:
-        """Positions and rotations apart, as the script language adds poses."""
-        A, B = a.matrix, b.matrix
-        R = B[:3, :3] if sign > 0 else B[:3, :3].T
-        return Pose.of(se3.pose(A[:3, :3] @ R, A[:3, 3] + sign * B[:3, 3]))
-
-    first, second = Parameter("p_1", POSE), Parameter("p_2", POSE)
-    start, step = Parameter("p_from", POSE), Parameter("p_from_to", POSE)
-    yield row("pose_trans", lambda a, b: Pose.of(a.matrix @ b.matrix), start, step, costly=True)
+    for name in ("ft_rtde_input_enable", "enable_external_ft_sensor"):
+        yield row(name, refusing(name, "the sensor in the wrist is the only one"), *sensor)
     yield row(
-        "pose_inv", lambda a: Pose.of(se3.inverse(a.matrix)), Parameter("p_from", POSE), costly=True
+        "position_deviation_warning",
+        refusing("position_deviation_warning", "warnings are not simulated, stops are"),
+        Parameter("enabled", CONDITION),
+        Parameter("threshold", NUMBER, 0.8),
     )
-    yield row("pose_add", lambda a, b: added(a, b, 1.0), first, second, costly=True)
-    yield row("pose_sub", lambda a, b: added(a, b, -1.0), first, second, costly=True)
+    yield row("set_gravity", set_gravity, Parameter("d", VECTOR), costly=True)
+    yield row("get_gravity", lambda: UP)
+    yield row("get_base_acceleration", lambda: (0.0,) * 3)
+    yield row("set_safety_mode_transition_hardness", nothing, Parameter("type", whole(0, 1)))
+    yield row("reset_revolution_counter", nothing, Parameter("qNear", JOINTS, None))
 
 
 def _kinematics(controller: Controller) -> Iterable[Function]:
-    near = Parameter("qnear", JOINTS, None)
-    tolerances = (
+    near, tcp = Parameter("qnear", JOINTS, None), Parameter("tcp", POSE, None)
+    finding = (
         near,
-        Parameter("maxPositionError", NUMBER, 0.0),
-        Parameter("maxOrientationError", NUMBER, 0.0),
+        Parameter("maxPositionError", NUMBER, 1e-10),
+        Parameter("maxOrientationError", NUMBER, 1e-10),
+        tcp,
     )
 
     def forward(q: Vector6 | None, tcp: Pose | None) -> Pose:
@@ -274,26 +244,35 @@ def _kinematics(controller: Controller) -> Iterable[Function]:
         X_FT = controller.X_FT if tcp is None else tcp.matrix
         return Pose.of(controller.robot.calibration.forward(joints) @ X_FT)
 
-    def has_solution(x: Pose, *_: object) -> bool:
-        return bool(reaching(controller, x).size)
+    def with_active_tcp(x: Pose, tcp: Pose | None) -> Pose:
+        return x if tcp is None else Pose.of(x.matrix @ se3.inverse(tcp.matrix) @ controller.X_FT)
+
+    def has_solution(x: Pose, *finding: Any) -> bool:
+        return bool(reaching(controller, with_active_tcp(x, finding[-1])).size)
 
     def is_within_limits(x: Pose | Vector6, *_: object) -> bool:
-        return has_solution(x) if isinstance(x, Pose) else bool(np.abs(x).max() <= ANGLE_LIMIT)
+        return (
+            has_solution(x, None) if isinstance(x, Pose) else bool(np.abs(x).max() <= ANGLE_LIMIT)
+        )
 
-    def solve(x: Pose, qnear: Vector6 | None, *_: object) -> tuple[float, ...]:
-        return tuple(inverse(controller, x, qnear).tolist())
+    def solve(x: Pose, qnear: Vector6 | None, *finding: Any) -> tuple[float, ...]:
+        return tuple(inverse(controller, with_active_tcp(x, finding[-1]), qnear).tolist())
 
     yield row(
         "get_forward_kin",
         forward,
         Parameter("q", JOINTS, None),
-        Parameter("tcp", POSE, None),
+        tcp,
         costly=True,
     )
-    yield row("get_inverse_kin", solve, Parameter("x", POSE), *tolerances, costly=True)
+    yield row("get_inverse_kin", solve, Parameter("x", POSE), *finding, costly=True)
     yield row(
-        "get_inverse_kin_has_solution", has_solution, Parameter("x", POSE), *tolerances, costly=True
+        "get_inverse_kin_has_solution", has_solution, Parameter("pose", POSE), *finding, costly=True
     )
     yield row(
-        "is_within_safety_limits", is_within_limits, Parameter("pose", PLACE), near, costly=True
+        "is_within_safety_limits",
+        is_within_limits,
+        Parameter("position", PLACE),
+        Parameter("qNear", JOINTS, None),
+        costly=True,
     )

@@ -12,9 +12,10 @@ from jaxtyping import Float
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.kinematics import singularity_measure
-from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, Trapezoid, braking
+from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, braking
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
 from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
+from sim.controller.curves import BACK, BISECTIONS, STRAIGHT, Circle, Pace, arc, parabola
 from sim.controller.states import Cause
 from sim.robot import SimRobot
 
@@ -39,6 +40,8 @@ Motion = Callable[[Commanded, float], bool]
 """(what moves, speed scaling) -> whether it goes on."""
 ROTATION_LENGTH = 0.3
 """Length that a rotation by a radian counts as in a straight motion of the tool [m]."""
+END_STEPS = 20
+"""In which Newton's method goes from the present joint angles to those at a motion's end."""
 NEARING = 0.1
 """Measure of singularity below which joints are watched for their acceleration [-]; assumed."""
 LARGEST_ACCELERATION = 40.0
@@ -146,76 +149,241 @@ class Yielding:
 
 
 class Travel:
-    """From rest to rest along a line whose joints are a function of the fraction covered."""
+    """To rest along a line whose joints are a function of the fraction covered; from rest, or round
+    a corner out of another one.
+    """
 
     def __init__(
         self,
+        start: Float[np.ndarray, "6"],
         length: float,
-        speed: float,
-        acceleration: float,
-        joints: Callable[[float], Float[np.ndarray, "6"]],
+        joints: Callable[[float, Float[np.ndarray, "6"]], Float[np.ndarray, "6"]],
+        position: Callable[[float], Float[np.ndarray, "3"]],
+        pace: Pace,
+        is_followed: Callable[[float, Float[np.ndarray, "6"]], bool] | None = None,
     ) -> None:
-        self._joints, self._time = joints, 0.0
-        self._profile = (
-            Trapezoid(length, speed, acceleration) if length > NEGLIGIBLE_DISTANCE else None
-        )
-        self._length = length
+        """From rest.
+
+        Args:
+            start: Joint angles at its beginning [rad].
+            length: Of the line, as the pace counts it [rad or m].
+            joints: (fraction, joint angles near by) -> joint angles there [rad].
+            position: Fraction -> where the tool is then, in B [m].
+            pace: How fast.
+            is_followed: Of a line in space: whether joint angles are on it at a fraction.
+        """
+        self._start, self._length = start, length
+        self._is_followed = is_followed
+        self._joints, self._position = joints, position
+        self._pace = pace
+        self._q = start
+        self._law = pace.law(length, length) if length > NEGLIGIBLE_DISTANCE else None
+        self._before, self._time = 0.0, 0.0
+        """Length before the law begins, and time since then [s]; negative in the corner."""
+        self._round = lambda t: start
+        self._radius, self._corner_length = 0.0, 0.0
+        self._steady = False
 
     def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period, of which `scaling` counts."""
-        if self._profile is None:
-            go(robot, self._joints(1.0))
+        if self._law is None:
+            self._go(robot, 1.0)
             return False
-        self._time = min(self._time + scaling * PERIOD, self._profile.duration)
-        go(robot, self._joints(self._profile.distance(self._time) / self._length))
-        return self._time < self._profile.duration
+        self._time = min(self._time + scaling * PERIOD, self._law.duration)
+        if self._time < 0:
+            q = self._round(self._time)
+            if self._is_followed is not None:
+                _check_singularity(*robot.commanded, q)
+            go(robot, q)
+            return True
+        self._go(robot, (self._before + self._law.distance(self._time)) / self._length)
+        return self._time < self._law.duration
+
+    def _go(self, robot: Commanded, fraction: float) -> None:
+        q = self._at(fraction)
+        if self._is_followed is not None:
+            _check_singularity(*robot.commanded, q)
+            if not self._is_followed(fraction, q):
+                raise ImpossibleMotion("the joints cannot follow the line", Cause.SINGULARITY)
+        go(robot, q)
+
+    def blend(self, radius: float, *, steady: bool) -> bool:
+        """Let the next motion take over `radius` before the end [m], so far from it in space; if
+        `steady`, at the speed of the line. Whether half of the line is enough for that.
+        """
+        self._radius, self._steady = radius, steady
+        self._corner_length = self._length_near(1.0, radius)
+        return self._corner_length < self._length / 2
+
+    @property
+    def is_taken_over(self) -> bool:
+        """Whether the next motion has to come now, lest this one slows down before the corner."""
+        if self._law is None or self._time < 0 or self._radius == 0:
+            return False
+        speed = self._law.speed(self._time)
+        braking = speed**2 / (2 * self._law.acceleration) + speed * PERIOD if self._steady else 0.0
+        return 0 < self._left <= max(self._corner_length, braking) and speed > 0
+
+    @property
+    def end(self) -> Float[np.ndarray, "6"]:
+        """Joint angles in which it comes to rest [rad]."""
+        q = self._q
+        for fraction in np.linspace(1 - self._left / self._length, 1.0, END_STEPS):
+            q = self._joints(float(fraction), q)
+        return self._joints(1.0, q)
+
+    def come_from(self, first: "Travel") -> "Travel":
+        """Round a corner out of a motion that ends where this one begins, and is taken over."""
+        assert first._law is not None, "it is under way"
+        if self._law is None:  # it is there already
+            first._radius = 0.0
+            return first
+        speed, left = first._law.speed(first._time), first._left
+        covered = self._length_near(0.0, first._radius)
+        before = min(left, first._corner_length)
+        turn = self._turn(first, 1 - before / first._length, covered / self._length)
+        if first._steady and STRAIGHT < turn < BACK:
+            before = min(before, covered)
+            corner = arc(before, speed, turn)
+            covered = before
+        else:
+            before = before if first._steady else left
+            covered = min(covered, before * self._pace.top_speed(self._length) / speed)
+            corner = parabola(before, covered, speed)
+
+        def round_(t: float) -> Float[np.ndarray, "6"]:
+            u = 1 + t / corner.duration
+            if u < 0:
+                return first._at(1 - (before - u * corner.duration * speed) / first._length)
+            first_left, second_covered = corner.progress(u)
+            q = first._at(1 - first_left / first._length)
+            return q + self._at(second_covered / self._length) - self._start
+
+        self._round, self._before = round_, covered
+        self._time = -corner.duration - (left - before) / speed
+        rest = self._length - covered
+        self._law = self._pace.law(rest, self._length, corner.end_speed)
+        return self
+
+    def joint_travel_a_unit(self) -> float:
+        """Of the joint that moves most along its length [rad/m, or 1]."""
+        q, most = self._start, 0.0
+        for fraction in np.linspace(0.0, 1.0, END_STEPS + 1)[1:]:
+            after = self._joints(float(fraction), q)
+            q, most = after, max(most, float(np.abs(after - q).max()))
+        return max(most * END_STEPS / max(self._length, NEGLIGIBLE_DISTANCE), 1e-3)
+
+    @property
+    def _left(self) -> float:
+        if self._law is None or self._time < 0:
+            return self._length
+        return self._length - self._before - self._law.distance(self._time)
+
+    def _at(self, fraction: float) -> Float[np.ndarray, "6"]:
+        self._q = self._joints(fraction, self._q)
+        return self._q
+
+    def _length_near(self, end: float, radius: float) -> float:
+        """Of the part within `radius` of an end (fraction 0 or 1) in space [m]: half at most."""
+        low, high = 0.0, 0.5
+        p_B = self._position(end)
+        if np.linalg.norm(self._position(0.5) - p_B) <= radius:
+            return self._length / 2
+        for _ in range(BISECTIONS):
+            share = (low + high) / 2
+            inside = np.linalg.norm(self._position(abs(end - share)) - p_B) <= radius
+            low, high = (share, high) if inside else (low, share)
+        return low * self._length
+
+    def _turn(self, first: "Travel", from_fraction: float, to_fraction: float) -> float:
+        """By which the tool's direction changes between two motions [rad]."""
+        before = first._position(1.0) - first._position(from_fraction)
+        behind = self._position(to_fraction) - self._position(0.0)
+        return float(se3.angle_between(before, behind))
 
 
 def joint_travel(
-    robot: SimRobot, q: Float[np.ndarray, "6"], speed: float, acceleration: float
+    arm: KinematicCalibration,
+    start: Float[np.ndarray, "6"],
+    q: Float[np.ndarray, "6"],
+    X_FT: Float[np.ndarray, "4 4"],
+    pace: Pace,
 ) -> Travel:
-    """Straight in joint space to `q`; speed and acceleration of the leading joint [rad/s,
-    rad/s^2].
-    """
-    start = robot.commanded[0]
-    return Travel(
-        float(np.abs(q - start).max()),
-        speed,
-        acceleration,
-        lambda fraction: start + fraction * (q - start),
-    )
+    """Straight in joint space to `q`, with a tool at `X_FT`; the pace is the leading joint's."""
+
+    def joints(fraction: float, near: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+        return start + fraction * (q - start)
+
+    def position(fraction: float) -> Float[np.ndarray, "3"]:
+        return (arm.forward(joints(fraction, q)) @ X_FT)[:3, 3]
+
+    return Travel(start, float(np.abs(q - start).max()), joints, position, pace)
 
 
 def straight_travel(
-    robot: SimRobot,
     arm: KinematicCalibration,
+    start: Float[np.ndarray, "6"],
     X_BT: Float[np.ndarray, "4 4"],
     X_FT: Float[np.ndarray, "4 4"],
-    speed: float,
-    acceleration: float,
+    pace: Pace,
 ) -> Travel:
-    """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; speed and acceleration in
-    m and s.
-    """
-    X_start, X_TF = arm.forward(robot.commanded[0]) @ X_FT, se3.inverse(X_FT)
-    rotation = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
+    """Straight in space to the tool pose `X_BT`, of a tool at `X_FT`; the pace is the tool's."""
+    X_start = arm.forward(start) @ X_FT
     displacement = X_BT[:3, 3] - X_start[:3, 3]
-
-    def joints(fraction: float) -> Float[np.ndarray, "6"]:
-        X = X_start @ se3.from_rotation_vector(fraction * rotation, np.zeros(3))
-        X[:3, 3] = X_start[:3, 3] + fraction * displacement
-        before, qd = robot.commanded
-        q = arm.step(before, X @ X_TF)
-        _check_singularity(before, qd, q)
-        error = np.abs(arm.forward(q) @ X_FT - X)
-        if not (error[:3, 3].max() <= OFF_LINE and error[:3, :3].max() <= OFF_ROTATION):
-            raise ImpossibleMotion("the joints cannot follow the line", Cause.SINGULARITY)
-        return q
-
-    length = max(
-        float(np.linalg.norm(displacement)), ROTATION_LENGTH * float(np.linalg.norm(rotation))
+    rotation = se3.rotation_vector(se3.inverse(X_start) @ X_BT)
+    turned = ROTATION_LENGTH * float(np.linalg.norm(rotation))
+    return _tool_travel(
+        arm,
+        start,
+        X_FT,
+        max(float(np.linalg.norm(displacement)), turned),
+        lambda fraction: X_start[:3, 3] + fraction * displacement,
+        rotation,
+        pace,
     )
-    return Travel(length, speed, acceleration, joints)
+
+
+def circular_travel(
+    arm: KinematicCalibration,
+    start: Float[np.ndarray, "6"],
+    circle: Circle,
+    X_FT: Float[np.ndarray, "4 4"],
+    pace: Pace,
+    X_BT: Float[np.ndarray, "4 4"] | None,
+) -> Travel:
+    """Along a circle to the orientation of `X_BT`; None keeps it to the tangent as it is."""
+    X_start = arm.forward(start) @ X_FT
+    axis_T = X_start[:3, :3].T @ (circle.axis * circle.angle)
+    rotation = axis_T if X_BT is None else se3.rotation_vector(se3.inverse(X_start) @ X_BT)
+    length = circle.radius * circle.angle
+    return _tool_travel(arm, start, X_FT, length, circle.point, rotation, pace)
+
+
+def _tool_travel(
+    arm: KinematicCalibration,
+    start: Float[np.ndarray, "6"],
+    X_FT: Float[np.ndarray, "4 4"],
+    length: float,
+    position: Callable[[float], Float[np.ndarray, "3"]],
+    rotation_T: Float[np.ndarray, "3"],
+    pace: Pace,
+) -> Travel:
+    """Along a line in space, so long, while the tool rotates by a vector in its first frame."""
+    X_start, X_TF = arm.forward(start) @ X_FT, se3.inverse(X_FT)
+
+    def pose(fraction: float) -> Float[np.ndarray, "4 4"]:
+        X = X_start @ se3.from_rotation_vector(fraction * rotation_T, np.zeros(3))
+        X[:3, 3] = position(fraction)
+        return X
+
+    def joints(fraction: float, near: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+        return arm.step(near, pose(fraction) @ X_TF)
+
+    def is_followed(fraction: float, q: Float[np.ndarray, "6"]) -> bool:
+        error = np.abs(arm.forward(q) @ X_FT - pose(fraction))
+        return bool(error[:3, 3].max() <= OFF_LINE and error[:3, :3].max() <= OFF_ROTATION)
+
+    return Travel(start, length, joints, position, pace, is_followed)
 
 
 class JointSpeed:
@@ -242,20 +410,22 @@ class ToolSpeed:
         X_FT: Float[np.ndarray, "4 4"],
         speed: Float[np.ndarray, "6"],
         acceleration: float,
+        rotation_acceleration: float,
     ) -> None:
         self._arm = arm
         self._p_FT = X_FT[:3, 3]
         self._speed = speed
-        self._acceleration = acceleration
+        self._max_change = acceleration * PERIOD, rotation_acceleration * PERIOD
 
     def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
         q, qd = robot.commanded
         J = tool_jacobian(self._arm, q, self._p_FT)
         now = J @ qd
-        change, max_change = scaling * self._speed - now, self._acceleration * PERIOD
-        largest = max(float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:])))
-        wanted = now + change * min(1.0, max_change / max(largest, 1e-12))
+        change = scaling * self._speed - now
+        parts = zip(self._max_change, (change[:3], change[3:]), strict=True)
+        shares = [most / max(float(np.linalg.norm(part)), 1e-12) for most, part in parts]
+        wanted = now + change * min(1.0, *shares)
         qd_next = np.linalg.lstsq(J, wanted, rcond=1e-3)[0]
         # beside a singularity the tool slows down before it is stopped
         q_next = q + PERIOD * qd_next * min(1.0, SPEED_LIMIT / max(np.abs(qd_next).max(), 1e-12))

@@ -14,28 +14,42 @@ from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
 from sim.arm.servo import GAIN_RANGE, LOOKAHEAD_RANGE
 from sim.controller import motion
 from sim.controller.controller import Controller
+from sim.controller.curves import Circle, Pace
 from sim.controller.force_functions import direct_torque
 from sim.controller.kinematics import inverse
-from sim.controller.motion import Braking, JointSpeed, Motion, Servo, ToolSpeed
+from sim.controller.messages import Text
+from sim.controller.motion import Braking, JointSpeed, Servo, ToolSpeed, Travel
 from sim.controller.states import Cause
 from sim.controller.urscript.signature import (
     JOINTS,
     NUMBER,
     PLACE,
     POSITIVE,
+    REFUSED,
     Function,
+    Kind,
     Parameter,
     row,
+    whole,
 )
-from sim.controller.urscript.values import Pose, ScriptError
+from sim.controller.urscript.values import Pose, ScriptError, is_number
 
 Wait = Generator[None, None, None]
 Vector6 = Float[np.ndarray, "6"]
+Line = Callable[[Vector6, Pace], Travel]
+"""(joint angles at its beginning [rad], pace) -> the motion along it."""
+FRACTION = Kind(
+    "a number above 0, at most 1",
+    lambda value: float(value) if is_number(value) and 0 < value <= 1 else REFUSED,
+)
 LATE_TIME = 0.1
 """A servo target that the joints could not reach in so long counts as a jump [s]: a client may miss
 some periods."""
-SPEEDL_TIME = 0.5
-"""How long a speedl without a time is waited for [s]."""
+REACHED, TOOL_REACHED = 1e-6, 2e-3
+"""Difference from a speed of the joints and of the tool at which it is reached [rad/s; m/s, rad/s]:
+the tool's changes a little in a period in which the joints' stays."""
+OPTIMOVE_ACCELERATION = 14.0
+"""Of the leading joint, where a program asks for all of it [rad/s^2]: assumed."""
 SLOWEST_STOP = 0.1
 """Deceleration of the leading joint that a stop has at least [rad/s^2]."""
 LONGEST_SLEEP = 1e6
@@ -45,16 +59,31 @@ LONGEST_SLEEP = 1e6
 def motion_functions(controller: Controller) -> Iterable[Function]:
     """Their rows; accelerations, speeds and times in rad, m and s, with the manual's defaults."""
     moves = _Moves(controller)
-    joint_a, joint_v = Parameter("a", POSITIVE, 1.4), Parameter("v", POSITIVE, 1.05)
-    tool_a, tool_v = Parameter("a", POSITIVE, 1.2), Parameter("v", POSITIVE, 0.25)
+    joint_a, joint_v = Parameter("a", NUMBER, 1.4), Parameter("v", NUMBER, 1.05)
+    tool_a, tool_v = Parameter("a", NUMBER, 1.2), Parameter("v", NUMBER, 0.25)
+    share_a, share_v = Parameter("a", FRACTION, 0.3), Parameter("v", FRACTION, 0.3)
     t, r = Parameter("t", NUMBER, 0.0), Parameter("r", NUMBER, 0.0)
-    until, rotation_a = Parameter("t", NUMBER, None), Parameter("aRot", NUMBER, 0.0)
+    until, rotation_a = Parameter("t", NUMBER, None), Parameter("aRot", POSITIVE, None)
     unused_a, unused_v = Parameter("a", NUMBER, 0.0), Parameter("v", NUMBER, 0.0)
+    place, goal = Parameter("pose", PLACE), Parameter("goal", PLACE)
+    mode = Parameter("mode", whole(0, 1), 0)
     rows = (
         row("movej", moves.movej, Parameter("q", PLACE), joint_a, joint_v, t, r),
-        row("movel", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, t, r),
-        row("movep", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, t, r),
-        row("servoc", moves.movel, Parameter("pose", PLACE), tool_a, tool_v, r),
+        row("movel", moves.movel, place, tool_a, tool_v, t, r),
+        row("movep", moves.movep, place, tool_a, tool_v, r),
+        row("servoc", moves.movep, place, tool_a, tool_v, r),
+        row(
+            "movec",
+            moves.movec,
+            Parameter("pose_via", PLACE),
+            Parameter("pose_to", PLACE),
+            tool_a,
+            tool_v,
+            r,
+            mode,
+        ),
+        row("optimovej", moves.optimovej, goal, share_a, share_v, r),
+        row("optimovel", moves.optimovel, goal, share_a, share_v, r),
         row(
             "servoj",
             moves.servoj,
@@ -65,15 +94,23 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
             Parameter("lookahead_time", NUMBER, 0.1),
             Parameter("gain", NUMBER, 300.0),
         ),
-        row("speedj", moves.speedj, Parameter("qd", JOINTS), joint_a, until),
-        row("speedl", moves.speedl, Parameter("xd", JOINTS), tool_a, until, rotation_a),
+        row("speedj", moves.speedj, Parameter("qd", JOINTS), Parameter("a", POSITIVE, 1.4), until),
+        row(
+            "speedl",
+            moves.speedl,
+            Parameter("xd", JOINTS),
+            Parameter("a", POSITIVE, 1.2),
+            until,
+            rotation_a,
+        ),
         row("stopj", moves.stopj, Parameter("a", NUMBER, 2.0)),
         row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), rotation_a),
         *direct_torque(controller),
     )
     yield from (row(r.name, _owned(controller, r.call), *r.parameters, waits=True) for r in rows)
+    yield row("get_target_waypoint", moves.waypoint, costly=True)
     yield row("sync", _sync, waits=True)
-    yield row("sleep", _sleep, Parameter("t", NUMBER), waits=True)
+    yield row("sleep", sleep, Parameter("t", NUMBER), waits=True)
 
 
 def _sync() -> Wait:
@@ -81,7 +118,7 @@ def _sync() -> Wait:
     yield
 
 
-def _sleep(seconds: float) -> Wait:
+def sleep(seconds: float) -> Wait:
     """Wait so long, for a period at least."""
     for _ in range(max(round(min(seconds, LONGEST_SLEEP) / PERIOD), 1)):
         yield
@@ -113,21 +150,54 @@ class _Moves:
         self._controller, self._robot = controller, controller.robot
 
     def movej(self, x: Pose | Vector6, a: float, v: float, t: float, r: float) -> Wait:
-        """In joint space; `t` and `r` are not simulated."""
-        q = inverse(self._controller, x) if isinstance(x, Pose) else x
-        if not np.abs(q).max() <= ANGLE_LIMIT:
-            raise ScriptError(f"movej to {q.round(4).tolist()}: beyond the joints' limits", q)
-        yield from self._arrive(lambda: motion.joint_travel(self._robot, q, v, a))
+        """Straight in joint space."""
+        q = inverse(self._controller, x, self._start) if isinstance(x, Pose) else x
+        yield from self._travel(self._joint_line(q), _pace(a, v, t), r)
 
-    def movel(self, x: Pose | Vector6, a: float, v: float, *_: float) -> Wait:
+    def movel(self, x: Pose | Vector6, a: float, v: float, t: float, r: float) -> Wait:
         """Straight in space."""
-        controller = self._controller
-        X_BT = x.matrix if isinstance(x, Pose) else controller.tool_pose(x)
-        inverse(controller, Pose.of(X_BT))
-        arm = self._robot.calibration
-        yield from self._arrive(
-            lambda: motion.straight_travel(self._robot, arm, X_BT, controller.X_FT, v, a)
-        )
+        yield from self._travel(self._straight_line(x), _pace(a, v, t), r)
+
+    def movep(self, x: Pose | Vector6, a: float, v: float, r: float) -> Wait:
+        """The same, at one speed of the tool also through the corners."""
+        yield from self._travel(self._straight_line(x), _pace(a, v, 0.0), r, steady=True)
+
+    def movec(
+        self, via: Pose | Vector6, to: Pose | Vector6, a: float, v: float, r: float, mode: int
+    ) -> Wait:
+        """Along a circle."""
+        X_via, X_to = self._tool_pose(via), self._tool_pose(to)
+        X_FT, arm = self._controller.X_FT, self._robot.calibration
+
+        def line(start: Vector6, pace: Pace) -> Travel:
+            p_B = (arm.forward(start) @ X_FT)[:3, 3]
+            circle = Circle.through(p_B, X_via[:3, 3], X_to[:3, 3])
+            if circle is None:
+                raise ScriptError("movec: the three points lie on a line, no circle passes them")
+            return motion.circular_travel(
+                arm, start, circle, X_FT, pace, X_to if mode == 0 else None
+            )
+
+        yield from self._travel(line, _pace(a, v, 0.0), r)
+
+    def optimovej(self, x: Pose | Vector6, a: float, v: float, r: float) -> Wait:
+        """A movej at shares of what the joints can do; without the limits of jerk."""
+        q = inverse(self._controller, x, self._start) if isinstance(x, Pose) else x
+        pace = Pace(v * SPEED_LIMIT, a * OPTIMOVE_ACCELERATION)
+        yield from self._travel(self._joint_line(q), pace, r)
+
+    def optimovel(self, x: Pose | Vector6, a: float, v: float, r: float) -> Wait:
+        """A movel, likewise; the joint that moves most along the line says how fast it can be."""
+        line = self._straight_line(x)
+        most = line(self._start, Pace(1.0, 1.0)).joint_travel_a_unit()
+        pace = Pace(v * SPEED_LIMIT / most, a * OPTIMOVE_ACCELERATION / most)
+        yield from self._travel(line, pace, r)
+
+    def waypoint(self) -> Pose:
+        """Where the tool goes by the active move, else where it is to be [UR-script]."""
+        controller, moving = self._controller, self._controller.motion
+        q = moving.end if isinstance(moving, Travel) else self._robot.commanded[0]
+        return Pose.of(controller.tool_pose(q))
 
     def servoj(
         self, q: Vector6, a: float, v: float, t: float, lookahead_time: float, gain: float
@@ -148,24 +218,29 @@ class _Moves:
             controller.motion.q = q
         else:
             controller.motion = Servo(q)
-        yield from _sleep(t)
+        yield from sleep(t)
 
     def speedj(self, qd: Vector6, a: float, t: float | None) -> Wait:
         """At joint speeds; without a time, until they are reached."""
         controller, robot = self._controller, self._robot
         controller.motion = JointSpeed(qd, a)
         if t is not None:
-            yield from _sleep(t)
+            yield from sleep(t)
             return
         yield
-        while np.abs(robot.commanded[1] - controller.scaling * qd).max() > 1e-6:
+        while np.abs(robot.commanded[1] - controller.scaling * qd).max() > REACHED:
             yield
 
-    def speedl(self, xd: Vector6, a: float, t: float | None, rotation_a: float) -> Wait:
-        """At a velocity of the tool."""
+    def speedl(self, xd: Vector6, a: float, t: float | None, rotation_a: float | None) -> Wait:
+        """At a velocity of the tool; without a time, until it is reached."""
         controller = self._controller
-        controller.motion = ToolSpeed(self._robot.calibration, controller.X_FT, xd, a)
-        yield from _sleep(SPEEDL_TIME if t is None else t)
+        controller.motion = self._tool_speed(xd, a, rotation_a)
+        if t is not None:
+            yield from sleep(t)
+            return
+        yield
+        while np.abs(self._speed_of_tool() - controller.scaling * xd).max() > TOOL_REACHED:
+            yield
 
     def stopj(self, a: float) -> Wait:
         """To rest."""
@@ -175,20 +250,86 @@ class _Moves:
         while controller.motion is mine:
             yield
 
-    def stopl(self, a: float, rotation_a: float) -> Wait:
-        """The same at a deceleration of the tool."""
-        # about so much of the leading joint, for a tool half a metre away
-        yield from self.stopj(2 * a)
-
-    def _arrive(self, plan: Callable[[], Motion]) -> Wait:
-        """Move, and wait until that is done; after a pause again, from wherever the arm is then."""
+    def stopl(self, a: float, rotation_a: float | None) -> Wait:
+        """The same along the tool's motion."""
         controller = self._controller
+        mine = self._tool_speed(np.zeros(6), max(a, SLOWEST_STOP), rotation_a)
+        controller.motion = mine
+        yield
+        while controller.motion is mine:
+            if np.abs(self._robot.commanded[1]).max() < REACHED:
+                controller.motion = motion.hold
+                return
+            yield
+
+    def _tool_speed(self, xd: Vector6, a: float, rotation_a: float | None) -> ToolSpeed:
+        return ToolSpeed(
+            self._robot.calibration,
+            self._controller.X_FT,
+            xd,
+            a,
+            a if rotation_a is None else rotation_a,
+        )
+
+    def _speed_of_tool(self) -> Vector6:
+        return self._controller.tool_speed(*self._robot.commanded)
+
+    def _tool_pose(self, x: Pose | Vector6) -> Float[np.ndarray, "4 4"]:
+        return x.matrix if isinstance(x, Pose) else self._controller.tool_pose(x)
+
+    def _joint_line(self, q: Vector6) -> Line:
+        if not np.abs(q).max() <= ANGLE_LIMIT:
+            raise ScriptError(f"movej to {q.round(4).tolist()}: beyond the joints' limits", q)
+        arm, X_FT = self._robot.calibration, self._controller.X_FT
+        return lambda start, pace: motion.joint_travel(arm, start, q, X_FT, pace)
+
+    def _straight_line(self, x: Pose | Vector6) -> Line:
+        X_BT, X_FT = self._tool_pose(x), self._controller.X_FT
+        inverse(self._controller, Pose.of(X_BT))
+        arm = self._robot.calibration
+        return lambda start, pace: motion.straight_travel(arm, start, X_BT, X_FT, pace)
+
+    @property
+    def _taken_over(self) -> Travel | None:
+        """The motion that the next one goes on from without a stop."""
+        moving = self._controller.motion
+        return moving if isinstance(moving, Travel) and moving.is_taken_over else None
+
+    @property
+    def _start(self) -> Vector6:
+        """Where the next motion begins [rad]."""
+        before = self._taken_over
+        return self._robot.commanded[0] if before is None else before.end
+
+    def _travel(self, line: Line, pace: Pace, r: float, *, steady: bool = False) -> Wait:
+        """Move along a line, until that is done, or until the next motion may take over; after a
+        pause again, from wherever the arm is then.
+        """
+        controller = self._controller
+
+        def plan() -> Travel:
+            before = self._taken_over
+            travel = line(self._start, pace)
+            if r > 0 and not travel.blend(r, steady=steady):
+                half = f"a blend of {r:g} m ends half-way to the next waypoint"
+                controller.messages.append(Text(f"Overlapping Blends: {half}"))
+            return travel if before is None else travel.come_from(before)
+
         mine = controller.motion = plan()
         while True:
             yield
-            if controller.motion is motion.hold:
+            if controller.motion is motion.hold or (
+                controller.motion is mine and mine.is_taken_over
+            ):
                 return
             if controller.motion is not mine and not isinstance(controller.motion, Braking):
                 return
             if controller.motion is not mine:
                 mine = controller.motion = plan()
+
+
+def _pace(a: float, v: float, t: float) -> Pace:
+    """As a program asks for it: a time, where there is one, counts alone."""
+    if not (t > 0 or (a > 0 and v > 0)):
+        raise ScriptError(f"a move needs a positive a and v, or t, got a={a:g}, v={v:g}, t={t:g}")
+    return Pace(v, a, max(t, 0.0))

@@ -8,7 +8,7 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from breastscan.errors import RobotError
 from breastscan.robot.ur.ur5e import DASHBOARD_PORT, PERIOD, RTDE_PORT
@@ -114,7 +114,8 @@ class Server:
         """Answer whoever asks until a cycle is due [s], in lockstep until its client answers."""
         until = due + self._patience
         while (left := (until if self._unanswered else due) - time.monotonic()) > 0 and not ended():
-            self._exchange(min(left, LONGEST_WAIT))
+            awaited = self.controller.sockets.awaited.values() if self._unanswered else ()
+            self._exchange(min(left, LONGEST_WAIT), awaited)
         self._patience = 0.0 if self._unanswered else PATIENCE
 
     @property
@@ -123,17 +124,19 @@ class Server:
         controller = self.controller
         if controller.config.clock != "lockstep" or not controller.streams:
             return False
+        if controller.sockets.awaited:
+            return not select.select([*controller.sockets.awaited.values()], [], [], 0.0)[0]
         connections = [client.rtde for client in self._client_of.values()]
         return not all(connection is None or connection.answered for connection in connections)
 
-    def _exchange(self, longest: float) -> None:
-        """Wait for sockets so long [s] at most, and serve those that are ready, but no longer
-        than a cycle may wait.
+    def _exchange(self, longest: float, awaited: Iterable[socket.socket] = ()) -> None:
+        """Wait for sockets so long [s] at most, those that the program reads among them, and serve
+        the clients' that are ready, but no longer than a cycle may wait.
         """
         end = time.monotonic() + max(longest, PERIOD)
         waiting = [sock for sock, client in self._client_of.items() if client.waits]
         readable, writable, _ = select.select(
-            [*self._on_connect, *self._client_of], waiting, [], longest
+            [*self._on_connect, *self._client_of, *awaited], waiting, [], longest
         )
         for sock in writable:
             self._guarded(self._client_of[sock], Client.flush)
@@ -160,7 +163,7 @@ class Server:
     def _accept(self, listener: socket.socket) -> None:
         """Take on a new client, unless there are too many."""
         try:
-            sock, _ = listener.accept()
+            sock, peer = listener.accept()
         except OSError:  # gone already
             return
         clients = self._at[listener]
@@ -168,7 +171,7 @@ class Server:
             sock.close()
             return
         try:
-            client = Client(sock, self._forget)
+            client = Client(sock, self._forget, peer[0])
         except OSError:
             sock.close()
             return
@@ -212,7 +215,7 @@ class Server:
         client.take = client.rtde.receive
 
     def _on_script(self, client: Client) -> None:
-        splitter = Splitter()
+        splitter, address = Splitter(), client.address
 
         def take(data: bytes) -> None:
             try:
@@ -222,7 +225,7 @@ class Server:
                 client.close()
                 return
             for program in programs:
-                self.controller.run(program, client)
+                self.controller.run(program, client, address)
 
         client.take = take
 

@@ -121,9 +121,11 @@ def _place(value: Value) -> Any:
 
 
 def whole(low: int, high: int) -> Kind:
-    """An integer within bounds."""
+    """An integer within bounds; a float that is whole counts as one."""
 
     def take(value: Value) -> Any:
+        if value.__class__ is float and value.is_integer():
+            value = int(value)
         return value if value.__class__ is int and low <= value <= high else REFUSED
 
     return Kind(f"an integer from {low} to {high}", take)

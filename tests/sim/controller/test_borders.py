@@ -62,7 +62,7 @@ TRIES = [
     f"x = 1;open('{MARK}', 'w')",
     f"x: open('{MARK}', 'w') = 1",
     f"p[1,2,3,4,5,open('{MARK}','w')]",
-    'socket_open("127.0.0.1", 80)',
+    'socket_open("10.0.0.1", 80)\nsocket_open("example.org", 80)',
     f'load_module("{MARK}")\nrpc_factory("xmlrpc", "http://127.0.0.1/")\nzzz()',
 ]
 """To leave the language, by the ways of Python, of the translation that once was, and of URScript
