@@ -50,6 +50,8 @@ class Client:
         self.take: Callable[[bytes], None] = lambda data: None
         """Called with what arrives."""
         self.rtde: Connection | None = None
+        self.may_lag = False
+        """Whether it is kept though it reads nothing: many a client only uploads programs."""
 
     @property
     def waits(self) -> bool:
@@ -59,7 +61,8 @@ class Client:
     @property
     def is_stuck(self) -> bool:
         """Whether the client has not read for too long."""
-        return self.waits and time.monotonic() - self._taken_at > NOT_READING
+        late = time.monotonic() - self._taken_at > NOT_READING
+        return self.waits and late and not self.may_lag
 
     def send(self, data: bytes) -> None:
         """Send a message whole; while an earlier one is stuck, drop it: the cycle never waits."""
@@ -73,8 +76,8 @@ class Client:
             sent = self.sock.send(self._unsent)
         except BlockingIOError:
             return
-        except OSError:
-            self.close()
+        except OSError:  # gone; what it has sent before is still to be read
+            self._unsent = b""
             return
         self._unsent, self._taken_at = self._unsent[sent:], time.monotonic()
 

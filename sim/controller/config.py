@@ -2,6 +2,7 @@
 
 import ipaddress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
@@ -31,6 +32,9 @@ class ControllerConfig:
     """What the dashboard names; a UR5e says UR5."""
     remote_control: bool = True
     """Whether the teach pendant has handed over."""
+    programs: Path | None = None
+    """Folder that the dashboard loads programs from: of a name.urp that PolyScope has saved, the
+    name.script beside it is what runs. None has no programs."""
     clock: Annotated[Clock, tyro.conf.arg(prefix_name=False)] = "real-time"
     """lockstep: while a program streams targets, a period waits until their client has answered
     the last state, for 2 s at most, and noise, drift and breath count from the last tare: what
@@ -51,9 +55,16 @@ class ControllerConfig:
                 "--controller.expose if that is meant",
                 self.host,
             )
+        if self.programs is not None and not self.programs.is_dir():
+            raise ConfigError(f"programs must be a folder, got {self.programs}", self.programs)
 
     @property
     def numbers(self) -> tuple[int, int, int, int]:
         """Version as major, minor, bug fix, build."""
         major, minor = self.version.split(".")
         return int(major), int(minor), 0, 0
+
+    @property
+    def e_series(self) -> bool:
+        """Whether the software is the e-Series', or newer."""
+        return self.numbers[0] >= 5

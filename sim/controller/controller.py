@@ -17,7 +17,7 @@ from sim.controller import motion
 from sim.controller.config import ControllerConfig
 from sim.controller.force_mode import ForceGains, ForceMode
 from sim.controller.freedrive import DirectTorque, Freedrive
-from sim.controller.messages import Message, Popup, ProgramError
+from sim.controller.messages import Key, Message, Popup, ProgramError, SafetyChange
 from sim.controller.motion import (
     Braking,
     ImpossibleMotion,
@@ -28,13 +28,13 @@ from sim.controller.motion import (
     Yielding,
 )
 from sim.controller.sockets import Sockets
-from sim.controller.states import Cause, RobotMode, Runtime, Safety
+from sim.controller.states import POWERING_UP, Cause, RobotMode, Runtime, Safety
 from sim.controller.supervision import LIMITS, SAFE_DECELERATION, Supervision, outside
 from sim.controller.urscript.compiler import load
 from sim.controller.urscript.program import Program, Script, Thread
 from sim.controller.urscript.signature import Function
 from sim.controller.urscript.values import SHOWN, ScriptError, first_column
-from sim.controller.variables import INPUTS, REGISTERS, zero
+from sim.controller.variables import BIT_WORDS, BITS, INPUTS, REGISTERS, Held, zero
 from sim.robot import SimRobot
 from sim.wrist.probe import payload
 
@@ -45,6 +45,8 @@ PRESSED = (Cause.COLLISION, Cause.DEVIATION)
 """Causes after which the arm yields."""
 RELEASED = (Safety.ROBOT_EMERGENCY_STOP, Safety.SYSTEM_EMERGENCY_STOP, Safety.SAFEGUARD_STOP)
 """What ends when somebody releases it."""
+POWER_STEP = 0.1
+"""Between two modes on the way to power [s]; assumed."""
 UNLOCK_AFTER = 5.0
 """Time before a protective stop may be unlocked [s]."""
 SLIDER_RATE = 0.01
@@ -111,13 +113,12 @@ class Controller:
         self.robot = robot
         self.config = config
         self.tell = tell
-        self.inputs: dict[str, float | list[float]] = {
-            name: zero(kind) for name, kind in INPUTS.items()
-        }
+        self.inputs: dict[str, Held] = {name: zero(kind) for name, kind in INPUTS.items()}
         self._written: dict[str, float] = {}
         self.heeded: set[str] = set()
         """Inputs that the program has read."""
         self.out_ints, self.out_doubles = [0] * REGISTERS, [0.0] * REGISTERS
+        self.out_bits = [False] * BITS
         self.runtime = Runtime.STOPPED
         self.mode = RobotMode.RUNNING
         self.supervision = Supervision(robot)
@@ -125,6 +126,8 @@ class Controller:
         """Whether the limits of reduced mode are asked for."""
         self.safety = Safety.RECOVERY if outside(robot.state().q) else Safety.NORMAL
         self.scaling, self.slider = 1.0, 1.0
+        self._wanted_mode = self.mode
+        self._told_safety = self.safety
         self.digital_outputs, self.analog_outputs = 0, [0.0, 0.0]
         self.digital_inputs, self.analog_inputs = 0, [0.0] * 4
         """Bits: 8 standard, 8 configurable, 2 of the tool; levels: 2 standard, 2 of the tool
@@ -133,7 +136,6 @@ class Controller:
         self.analog_types = 0b1111
         """Bits: 2 inputs, 2 outputs, 2 inputs of the tool; whether a level is a voltage, else it is
         a current."""
-        self.out_bits = [False] * 128
         self.popup: Popup | None = None
         """What the operator sees; a program that waits for him goes on once it is None."""
         self.X_FT = robot.X_FP.copy()
@@ -186,11 +188,16 @@ class Controller:
         return isinstance(self.motion, Freedrive)
 
     @property
+    def hears_the_network(self) -> bool:
+        """Whether programs and orders are taken from there: older pendants cannot keep it out."""
+        return self.remote_control or not self.config.e_series
+
+    @property
     def streams(self) -> bool:
         """Whether the program follows targets as they come."""
         return isinstance(self.motion, Servo)
 
-    def read_input(self, name: str) -> float | list[float]:
+    def read_input(self, name: str) -> Held:
         """What a program reads."""
         self.heeded.add(name)
         return self.inputs[name]
@@ -199,10 +206,9 @@ class Controller:
         """One of the boolean registers that clients write."""
         if i >= 64:
             return bool(self.inputs[f"input_bit_register_{i}"])
-        word = ("input_bit_registers0_to_31", "input_bit_registers32_to_63")[i // 32]
-        return bool(int(self.inputs[word]) >> i % 32 & 1)  # type: ignore[arg-type]
+        return bool(int(self.inputs[BIT_WORDS["input"][i // 32]]) >> i % 32 & 1)  # type: ignore[arg-type]
 
-    def write(self, values: dict[str, float | list[float]]) -> None:
+    def write(self, values: dict[str, Held]) -> None:
         """Take in inputs; the next period sees the newest."""
         self.inputs.update(values)
         self._written.update(dict.fromkeys(values, self.time))
@@ -213,11 +219,15 @@ class Controller:
         self._take_inputs()
         if self.payload is not self._loading_payload[2]:
             self._change_payload(PERIOD)
+        self._power_up()
         self._load()
         if self.runtime is Runtime.PLAYING and self._goes_on():
             self._check_watchdogs()
             self._run_program()
         self._move()
+        if self.safety is not self._told_safety:
+            self._told_safety = self.safety
+            self.messages.append(SafetyChange(int(self.safety)))
         self.history.append(self.state.q)
 
     def run(self, source: str, sender: object = None, address: str = LOOPBACK) -> None:
@@ -317,16 +327,16 @@ class Controller:
 
     def restart_safety(self) -> None:
         """After a violation or a fault; the arm stays without power."""
+        self.power(RobotMode.POWER_OFF)
         self._clear()
-        self.mode = RobotMode.POWER_OFF
 
     def power(self, mode: RobotMode) -> None:
-        """Power off, on, or on with the brakes released."""
+        """Power off at once, or on, or on with the brakes released, by and by."""
         if mode is RobotMode.POWER_OFF:
             self.stop_program("power off")
-            self.mode = mode
-        elif self.safety in LIMITS and mode > self.mode:
-            self.mode = mode
+            self.mode = self._wanted_mode = mode
+        elif POWERING_UP.index(mode) > POWERING_UP.index(self._wanted_mode):
+            self._wanted_mode = mode
 
     def arm_watchdog(self, variable: str, longest: float, *, stops: bool) -> None:
         """Arm a watchdog: at least every `longest` [s] the variable must be written, the same
@@ -379,6 +389,13 @@ class Controller:
         lever_B = X_BF[:3, :3] @ (self.robot.X_FP[:3, 3] - self.X_FT[:3, 3])
         return np.concatenate([force, moment + motion.cross_matrix(lever_B) @ force])
 
+    def _power_up(self) -> None:
+        """One mode on, when it is time."""
+        if self.safety not in LIMITS:
+            self._wanted_mode = self.mode
+        if self.mode is not self._wanted_mode and self.periods % round(POWER_STEP / PERIOD) == 0:
+            self.mode = POWERING_UP[POWERING_UP.index(self.mode) + 1]
+
     def _load(self) -> None:
         """Go on with a program that has come in; once it is complete, start it."""
         if not self._loading:
@@ -422,6 +439,7 @@ class Controller:
             self.runtime = Runtime.PLAYING
             self.program_error = ""
             self.heeded.clear()
+            self.messages.append(Key("PROGRAM_XXX_STARTED", script.main.name))
 
     def _run_secondary(self, script: Script) -> None:
         """In a period, beside the program that runs [UR-script, "Secondary Programs"]."""
@@ -440,6 +458,7 @@ class Controller:
         if self.program is not None:
             self.program.end()
             self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
+            self.messages.append(Key("PROGRAM_XXX_STOPPED", self.program.name))
         self.program, self.owner, self._interrupted = None, None, None
         self.compliance = None
         self.sockets.close_all()
@@ -583,5 +602,8 @@ _COMMANDS: dict[str, Callable[[Controller], object]] = {
     "pause program": Controller.pause,
     "resume program": Controller.resume,
     "set unlock protective stop": Controller.unlock,
+    "power on": lambda controller: controller.power(RobotMode.IDLE),
+    "power off": lambda controller: controller.power(RobotMode.POWER_OFF),
+    "set robotmode run": lambda controller: controller.power(RobotMode.RUNNING),
 }
 """Lines that are no program."""

@@ -33,6 +33,23 @@ class Popup:
 
 
 @dataclass(frozen=True)
+class Key:
+    """What became of a program."""
+
+    title: str
+    """`PROGRAM_XXX_STARTED` or `PROGRAM_XXX_STOPPED`."""
+    text: str
+    """Its name."""
+
+
+@dataclass(frozen=True)
+class SafetyChange:
+    """The safety system has gone to another mode."""
+
+    mode: int
+
+
+@dataclass(frozen=True)
 class Code:
     """One of the maker's numbered messages, as `C204A3: joint 4 would jump`."""
 
@@ -44,4 +61,4 @@ class Code:
     """Whether it stopped the arm."""
 
 
-Message = ProgramError | Text | Popup | Code
+Message = ProgramError | Text | Popup | Code | Key | SafetyChange

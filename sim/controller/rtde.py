@@ -8,7 +8,7 @@ from typing import Protocol
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.controller import Controller
 from sim.controller.outputs import Outputs
-from sim.controller.variables import INPUTS, OUTPUTS, Recipe
+from sim.controller.variables import INPUTS, Held, Recipe, offered
 
 VERSION, CONTROLLER, OUTPUT_SETUP, INPUT_SETUP, START, PAUSE, DATA, TEXT = b"VvOISPUM"
 """Types of messages."""
@@ -18,7 +18,8 @@ PROTOCOLS = (1, 2)
 FREQUENCY = 1 / PERIOD
 """Highest rate of output [Hz]."""
 OLD_FREQUENCY = 125.0
-"""Rate in the protocol's first version [Hz]."""
+"""Rate in the protocol's first version, and the highest of a controller older than the e-Series
+[Hz]."""
 EXCEPTION, ERROR = 0, 1
 """Levels of a text message."""
 MAX_RECIPES, MAX_FIELDS = 255, 400
@@ -73,6 +74,8 @@ class Connection:
         self._outputs = outputs
         self._registry = registry
         self._arrived = b""
+        self._offered = offered(controller.config.numbers)
+        self._highest = FREQUENCY if controller.config.e_series else OLD_FREQUENCY
         self._version = 1
         self._recipe: Recipe | None = None
         self._read = outputs.reader([])
@@ -142,7 +145,7 @@ class Connection:
         self._reply(CONTROLLER, struct.pack(">4I", *self._controller.config.numbers))
 
     def _start(self, payload: bytes) -> None:
-        self._started = self._recipe is not None or bool(self._inputs)
+        self._started = self._recipe is not None
         self._reply(START, struct.pack(">B", self._started))
 
     def _pause(self, payload: bytes) -> None:
@@ -160,11 +163,11 @@ class Connection:
             (frequency,) = struct.unpack_from(">d", payload)
             payload = payload[8:]
         names = _names(payload)
-        kinds = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
+        kinds = [self._offered.get(name, "NOT_FOUND") for name in names]
         known = "NOT_FOUND" not in kinds and len(names) <= MAX_FIELDS and math.isfinite(frequency)
         if known:
             self._recipe, self._read = Recipe(names, kinds), self._outputs.reader(names)
-            self._per_cycle, self._due = min(max(frequency, 1.0), FREQUENCY) / FREQUENCY, 0.0
+            self._per_cycle, self._due = min(max(frequency, 1.0), self._highest) / FREQUENCY, 0.0
         number = struct.pack(">B", known) if self._version == 2 else b""
         self._reply(OUTPUT_SETUP, number + ",".join(kinds).encode())
 
@@ -199,6 +202,11 @@ class Connection:
         self.answered = True
         self._controller.write(values)
 
+    def _note(self, payload: bytes) -> None:
+        """A client's words for the operator."""
+        length = payload[0]
+        self._controller.tell(payload[1 : 1 + length].decode("utf-8", "replace"))
+
     def _reply(self, kind: int, payload: bytes) -> None:
         self._line.send(HEADER.pack(HEADER.size + len(payload), kind) + payload)
 
@@ -210,7 +218,7 @@ def _names(payload: bytes) -> list[str]:
     return names[: MAX_FIELDS + 1]
 
 
-def _is_finite(value: float | list[float]) -> bool:
+def _is_finite(value: Held) -> bool:
     return all(map(math.isfinite, value)) if isinstance(value, list) else math.isfinite(value)
 
 
@@ -222,5 +230,6 @@ _MESSAGES: dict[int, Callable[[Connection, bytes], None]] = {
     START: Connection._start,
     PAUSE: Connection._pause,
     DATA: Connection._take,
+    TEXT: Connection._note,
 }
 """What each type of message makes a connection do."""

@@ -12,18 +12,26 @@ from collections.abc import Callable, Iterable
 
 from breastscan.errors import RobotError
 from breastscan.robot.ur.ur5e import DASHBOARD_PORT, PERIOD, RTDE_PORT
-from sim.controller import dashboard, primary
+from sim.controller import primary, realtime, robot_state
 from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
+from sim.controller.dashboard import GREETING, Dashboard
 from sim.controller.fault_injection import CONTROL_PORT, FaultInjector
-from sim.controller.messages import Message, ProgramError
+from sim.controller.messages import Code, Message, ProgramError
 from sim.controller.outputs import Outputs
-from sim.controller.rtde import EXCEPTION, Connection, Registry
+from sim.controller.realtime import Realtime
+from sim.controller.robot_state import RobotState
+from sim.controller.rtde import EXCEPTION, FREQUENCY, OLD_FREQUENCY, Connection, Registry
 from sim.controller.urscript.splitter import Splitter
 from sim.controller.urscript.values import ScriptError
 
 SCRIPT_PORTS = (30001, 30002, 30003)
-"""A controller's; clients have them built in."""
+"""A controller's, as clients have them built in; each tells its state as well."""
+READ_ONLY_PORTS = (30011, 30012, 30013)
+"""The same, but for programs."""
+READ_ONLY = Code(
+    210, 0, "Socket is read-only when robot is in local (Teach pendant) control", stops=False
+)
 LAST_DASHBOARD = 9
 """Last major version with a dashboard."""
 TOO_LATE = 0.05
@@ -38,6 +46,30 @@ PRIORITY = 20
 """Of real-time scheduling, where the system grants it."""
 
 
+class Stream:
+    """A package that some ports send again and again, the same to all."""
+
+    def __init__(
+        self, ports: tuple[int, ...], rate: float, controller: Controller, pack: Callable[[], bytes]
+    ) -> None:
+        """At a rate [Hz]."""
+        self.ports = ports
+        self._every = round(FREQUENCY / rate)
+        self._controller, self._pack = controller, pack
+        self._period, self._package = -1, b""
+
+    @property
+    def due(self) -> bool:
+        """Whether one is sent in this period."""
+        return self._controller.periods % self._every == 0
+
+    def send(self, client: Client) -> None:
+        """Send this period's."""
+        if self._period != self._controller.periods:
+            self._period, self._package = self._controller.periods, self._pack()
+        client.send(self._package)
+
+
 class Server:
     """Listens at a controller's ports and steps the controller."""
 
@@ -50,18 +82,28 @@ class Server:
         self.controller = controller
         self._outputs, self._registry = Outputs(controller), Registry()
         self._faults = FaultInjector(controller, self._outputs, self._hang_up)
-        host = controller.config.host
-        ports = {RTDE_PORT: self._on_rtde, CONTROL_PORT: self._on_control}
-        ports |= dict.fromkeys(SCRIPT_PORTS, self._on_script)
+        self._dashboard = Dashboard(controller)
+        self._state = RobotState(controller, self._outputs)
+        real_time = FREQUENCY if controller.config.e_series else OLD_FREQUENCY
+        pack = Realtime(controller, self._outputs).package
+        self._streams = (
+            Stream(robot_state.PORTS, robot_state.RATE, controller, self._state.package),
+            Stream(realtime.PORTS, real_time, controller, pack),
+        )
+        self._on_connect: dict[int, Callable[[Client], None]] = {
+            RTDE_PORT: self._on_rtde,
+            CONTROL_PORT: self._on_control,
+            **dict.fromkeys(SCRIPT_PORTS, self._on_script),
+            **dict.fromkeys(READ_ONLY_PORTS, self._on_reader),
+        }
+        """What is done with a new client, by port."""
         if controller.config.numbers[0] <= LAST_DASHBOARD:
-            ports[DASHBOARD_PORT] = self._on_dashboard
-        self._on_connect: dict[socket.socket, Callable[[Client], None]] = {}
-        """What is done with a new client, by listening socket."""
-        self._at: dict[socket.socket, list[Client]] = {}
-        """Clients, by the socket that accepted them."""
-        for port, on_connect in ports.items():
-            listener = self._listen(host, port)
-            self._on_connect[listener], self._at[listener] = on_connect, []
+            self._on_connect[DASHBOARD_PORT] = self._on_dashboard
+        self._at: dict[int, list[Client]] = {port: [] for port in self._on_connect}
+        """Clients, by port."""
+        host = controller.config.host
+        self._port_of = {self._listen(host, port): port for port in self._on_connect}
+        """Of each listening socket."""
         self._client_of: dict[socket.socket, Client] = {}
         self._turn = 0
         self._patience = PATIENCE
@@ -96,6 +138,10 @@ class Server:
             self._guarded(client, self._publish)
             if client.is_stuck:
                 client.close()
+        for stream in self._streams:
+            if stream.due and not self._faults.silent:
+                for client in self._clients(*stream.ports):
+                    self._guarded(client, stream.send)
 
     def _publish(self, client: Client) -> None:
         if client.rtde is None:
@@ -107,7 +153,7 @@ class Server:
         """Hang up on everyone, and free the ports."""
         for client in [*self._client_of.values()]:
             client.close()
-        for listener in self._on_connect:
+        for listener in self._port_of:
             listener.close()
 
     def _wait(self, due: float, ended: Callable[[], bool]) -> None:
@@ -136,14 +182,14 @@ class Server:
         end = time.monotonic() + max(longest, PERIOD)
         waiting = [sock for sock, client in self._client_of.items() if client.waits]
         readable, writable, _ = select.select(
-            [*self._on_connect, *self._client_of, *awaited], waiting, [], longest
+            [*self._port_of, *self._client_of, *awaited], waiting, [], longest
         )
         for sock in writable:
             self._guarded(self._client_of[sock], Client.flush)
         self._turn += 1  # who comes last in one round comes earlier in another
         first = self._turn % (len(readable) or 1)
         for sock in [*readable[first:], *readable[:first]]:
-            if sock in self._on_connect:
+            if sock in self._port_of:
                 self._accept(sock)
             elif sock in self._client_of:  # not hung up on in this round
                 self._guarded(self._client_of[sock], Client.receive)
@@ -166,7 +212,8 @@ class Server:
             sock, peer = listener.accept()
         except OSError:  # gone already
             return
-        clients = self._at[listener]
+        port = self._port_of[listener]
+        clients = self._at[port]
         if len(clients) >= MAX_CLIENTS:
             sock.close()
             return
@@ -177,7 +224,7 @@ class Server:
             return
         clients.append(client)
         self._client_of[sock] = client
-        self._on_connect[listener](client)
+        self._guarded(client, self._on_connect[port])
 
     def _forget(self, client: Client) -> None:
         self._client_of.pop(client.sock, None)
@@ -188,23 +235,18 @@ class Server:
             client.rtde.closed()
 
     def _clients(self, *ports: int) -> list[Client]:
-        """At these ports; all if none are named."""
-        return [
-            client
-            for listener, clients in self._at.items()
-            for client in clients
-            if not ports or listener.getsockname()[1] in ports
-        ]
+        """At these ports."""
+        return [client for port in ports for client in self._at.get(port, ())]
 
     def _hang_up(self) -> None:
         """On everyone but those at the control port."""
-        for client in self._clients(RTDE_PORT, DASHBOARD_PORT, *SCRIPT_PORTS):
+        for client in self._clients(*(port for port in self._at if port != CONTROL_PORT)):
             client.close()
 
     def _announce(self, message: Message) -> None:
         """Tell the clients, where a controller tells such a thing."""
         package = primary.package(self.controller.time, message)
-        for client in self._clients(*primary.PORTS) if package else ():
+        for client in self._clients(*primary.PORTS):
             client.send(package)
         for client in self._clients(RTDE_PORT):
             if client.rtde is not None and isinstance(message, ProgramError):
@@ -214,7 +256,13 @@ class Server:
         client.rtde = Connection(client, self.controller, self._outputs, self._registry)
         client.take = client.rtde.receive
 
+    def _on_reader(self, client: Client) -> None:
+        client.may_lag = True
+        if client in self._clients(*robot_state.PORTS):
+            client.send(self._state.greeting())
+
     def _on_script(self, client: Client) -> None:
+        self._on_reader(client)
         splitter, address = Splitter(), client.address
 
         def take(data: bytes) -> None:
@@ -224,21 +272,24 @@ class Server:
                 self._announce(ProgramError(str(error), error.line))
                 client.close()
                 return
+            if programs and not self.controller.hears_the_network:
+                self._announce(READ_ONLY)
+                return
             for program in programs:
                 self.controller.run(program, client, address)
 
         client.take = take
 
     def _on_dashboard(self, client: Client) -> None:
-        client.take = by_line(client, lambda line: self._dashboard(client, line))
-        client.send(f"{dashboard.GREETING}\n".encode())
+        client.take = by_line(client, lambda line: self._order(client, line))
+        client.send(f"{GREETING}\n".encode())
 
-    def _dashboard(self, client: Client, line: str) -> str:
+    def _order(self, client: Client, line: str) -> str:
         if line.strip().lower() == "quit":
             client.send(b"Disconnected\n")
             client.close()
             return ""
-        return dashboard.answer(line, self.controller)
+        return self._dashboard.answer(line)
 
     def _on_control(self, client: Client) -> None:
         client.take = by_line(client, self._faults.answer)

@@ -83,5 +83,13 @@ class Cause(Enum):
         return Code(number, argument + joint, text)
 
 
-JOINT_RUNNING, JOINT_OFF = 253, 239
-"""Of `joint_mode`."""
+POWERING_UP = (
+    RobotMode.POWER_OFF,
+    RobotMode.POWER_ON,
+    RobotMode.BOOTING,
+    RobotMode.IDLE,
+    RobotMode.RUNNING,
+)
+"""One after the other."""
+JOINT_MODES: dict[RobotMode, int] = dict(zip(POWERING_UP, (239, 245, 247, 255, 253), strict=True))
+"""`joint_mode` in each."""

@@ -28,10 +28,10 @@ from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.ray_cast_dome import DomeScene
 from sim.arm.servo import ServoConfig
 from sim.cameras import camera as sim_camera
-from sim.controller import dashboard
 from sim.controller import serve as serving
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
+from sim.controller.dashboard import Dashboard
 from sim.controller.server import Server
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
@@ -287,8 +287,9 @@ def _answers(host: str, port: int) -> bool:
 
 def answered(c: Everything) -> Any:
     controller = Controller(moving(), c.controller, 0.0, print)
-    questions = "get robot model", "is in remote control", "PolyscopeVersion"
-    return [dashboard.answer(question, controller) for question in questions]
+    questions = "get robot model", "is in remote control", "PolyscopeVersion", "load a.urp"
+    pendant = Dashboard(controller)
+    return [pendant.answer(question) for question in questions]
 
 
 def tared(c: Everything) -> Any:

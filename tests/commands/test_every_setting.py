@@ -118,6 +118,7 @@ VALUES: dict[str, Any] = {
     "scene.camera.seed": 1,
     "controller.host": HOSTS[1],
     "controller.version": "10.11",
+    "controller.programs": Path(__file__).with_name("programs"),
 }
 """What a setting is changed to where the rule of `proposed` has no answer or shows no effect."""
 
@@ -211,6 +212,7 @@ PROBES = {
     "controller.expose": probes.exposed,
     "controller.model": probes.answered,
     "controller.remote_control": probes.answered,
+    "controller.programs": probes.answered,
     "controller.clock": probes.tared,
     "controller.real_time": probes.served,
 }

@@ -313,7 +313,7 @@ def cases(count: int, seed: int):
             yield noise(draw)
         elif kind < 0.6:
             yield (
-                draw.choice((30001, 30002, 30003)),
+                draw.choice((30001, 30002, 30003, 30011, 30013)),
                 mutated(draw, text).encode("utf-8", "replace") + b"\nend\n",
             )
         else:

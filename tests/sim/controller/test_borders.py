@@ -20,11 +20,10 @@ from breastscan.robot.ur.ur5e import DASHBOARD_PORT, RTDE_PORT
 from sim.controller import clients
 from sim.controller.clients import LONGEST_LINE, NOT_READING, Client
 from sim.controller.fault_injection import CONTROL_PORT, TwinControl
-from sim.controller.primary import HEAD
-from sim.controller.server import MAX_CLIENTS, SCRIPT_PORTS
+from sim.controller.server import MAX_CLIENTS, READ_ONLY_PORTS, SCRIPT_PORTS
 from tests.sim.controller.fuzz import fuzz
 from tests.sim.controller.served import address, served
-from tests.sim.controller.wire import Wire
+from tests.sim.controller.wire import Stream, Wire
 
 HOST, OTHER_HOST = address(35), address(36)
 ENDS_WITHIN = 2.0
@@ -123,7 +122,7 @@ def test_no_program_leaves_the_language(twin, effects, process):
     assert not list(Path.cwd().rglob(MARK))
 
 
-@pytest.mark.parametrize("port", SCRIPT_PORTS)
+@pytest.mark.parametrize("port", [*SCRIPT_PORTS, READ_ONLY_PORTS[0]])
 @pytest.mark.parametrize(
     "request_line",
     [
@@ -199,17 +198,15 @@ def read(register):
 
 
 def test_the_error_of_a_program_is_told_with_its_line_to_all_who_listen(twin):
-    listeners = [socket.create_connection((HOST, port), 10) for port in (30001, 30002)]
+    listeners = [Stream(HOST, port) for port in (30001, 30011)]
     with closing(Wire(HOST)) as wire:
         wire.outputs(1, ["timestamp"])
         wire.ask(b"S")
         upload("def main():\n sync()\n x = 1 / 0\nend")
         for listener in listeners:
-            message = listener.recv(1000)
-            size, package, _, _, kind = HEAD.unpack_from(message)
-            assert (size, package, kind) == (len(message), 20, 10)
-            assert struct.unpack_from(">i", message, HEAD.size) == (3,)
-            assert message[HEAD.size + 8 :] == b"division by zero"
+            body = listener.message(10)
+            assert struct.unpack_from(">i", body) == (3,)
+            assert body[8:] == b"division by zero"
             listener.close()
         messages = [wire.read() for _ in range(2)]
     assert any(kind == b"M" and b"line 3: division by zero" in body for kind, body in messages)
@@ -311,10 +308,11 @@ def test_two_thousand_connections_leave_the_first_ones_served(twin):
         wire.outputs(500, ["timestamp"])
         wire.ask(b"S")
         crowd = []
+        ports = [RTDE_PORT, DASHBOARD_PORT, CONTROL_PORT, *SCRIPT_PORTS, *READ_ONLY_PORTS]
         for k in range(2000):
             sock = socket.socket()
             sock.setblocking(False)
-            sock.connect_ex((HOST, [RTDE_PORT, DASHBOARD_PORT, CONTROL_PORT, *SCRIPT_PORTS][k % 6]))
+            sock.connect_ex((HOST, ports[k % len(ports)]))
             crowd.append(sock)
         times = [struct.unpack(">xd", wire.read()[1])[0] for _ in range(500)]
         assert max(after - before for before, after in itertools.pairwise(times)) < 0.0021

@@ -12,7 +12,7 @@ import pytest
 from breastscan.errors import ConfigError, RobotError
 from sim.controller.config import ControllerConfig
 from sim.controller.fault_injection import TwinControl
-from sim.controller.variables import OUTPUTS, Recipe
+from sim.controller.variables import Recipe, offered
 from tests.sim.controller.served import address, client, served
 from tests.sim.controller.wire import Wire
 
@@ -58,10 +58,10 @@ def test_packages_come_at_the_rate_that_was_asked_for_by_the_controllers_clock(w
 
 
 def test_every_output_can_be_asked_for(wire):
-    names = list(OUTPUTS)
-    wire.outputs(500, names)
+    outputs = offered((5, 22))
+    wire.outputs(500, list(outputs))
     wire.ask(b"S")
-    recipe = Recipe(names, OUTPUTS.values())
+    recipe = Recipe(list(outputs), list(outputs.values()))
     found = recipe.unpack(wire.read()[1][1:])
     assert found["safety_mode"] == 1
     assert np.linalg.norm(found["ft_raw_wrench"][:3]) > 1.0  # the tool's weight

@@ -1,4 +1,4 @@
-"""RTDE by hand: a client of the tests' own."""
+"""RTDE and the other streams by hand: clients of the tests' own."""
 
 import socket
 import struct
@@ -32,6 +32,48 @@ class Wire:
         while len(data) < count:
             data += self.socket.recv(count - len(data))
         return data
+
+    def close(self):
+        self.socket.close()
+
+
+class Stream:
+    """A port whose packages begin with their size."""
+
+    def __init__(self, host, port):
+        self.socket = socket.create_connection((host, port), 10)
+        self._arrived = b""
+
+    def read(self):
+        """The next package, whole."""
+        while len(self._arrived) < 4 or len(self._arrived) < self._size:
+            data = self.socket.recv(65536)
+            if not data:
+                raise ConnectionError("the controller has hung up")
+            self._arrived += data
+        package, self._arrived = self._arrived[: self._size], self._arrived[self._size :]
+        return package
+
+    def message(self, number):
+        """The body of the next message of a type."""
+        while True:
+            package = self.read()
+            if package[4] == 20 and package[14] == number:
+                return package[15:]
+
+    def parts(self):
+        """The bodies of the next state's parts, by type."""
+        while (package := self.read())[4] != 16:
+            pass
+        found, package = {}, package[5:]
+        while package:
+            size, kind = struct.unpack_from(">iB", package)
+            found[kind], package = package[5:size], package[size:]
+        return found
+
+    @property
+    def _size(self):
+        return struct.unpack_from(">i", self._arrived)[0]
 
     def close(self):
         self.socket.close()

@@ -1,0 +1,218 @@
+"""The dashboard, command by command, as the maker's manual has them."""
+
+import pytest
+
+from breastscan.robot.ur.ur5e import PERIOD
+from sim.controller.config import ControllerConfig
+from sim.controller.controller import Controller
+from sim.controller.dashboard import COMMANDS, LOCAL, Dashboard
+from sim.controller.functions import script_functions
+from sim.robot import SimRobot
+from sim.scene import Scene
+
+LOOP = "def wait():\nwhile True:\nsync()\nend\nend\n"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene()
+
+
+@pytest.fixture
+def programs(tmp_path):
+    folder = tmp_path / "programs"
+    (folder / "sub").mkdir(parents=True)
+    for name in ("wait", "sub/other"):
+        (folder / f"{name}.urp").touch()
+        (folder / f"{name}.script").write_text(LOOP)
+    (folder / "broken.urp").touch()
+    (folder / "default.installation").touch()
+    (tmp_path / "secret.urp").touch()
+    (tmp_path / "secret.script").write_text(LOOP)
+    return folder
+
+
+@pytest.fixture
+def dashboard(scene, programs):
+    return dashboard_of(scene, ControllerConfig(programs=programs))
+
+
+def dashboard_of(scene, config):
+    told = []
+    controller = Controller(SimRobot(scene), config, scene.config.mount_angle, told.append)
+    controller.functions = script_functions(controller)
+    dashboard = Dashboard(controller)
+    dashboard.told = told
+    return dashboard
+
+
+def ask(dashboard, talk, seconds=0.02):
+    """Ask line after line, and compare; some time passes after each."""
+    for request, reply in talk:
+        assert dashboard.answer(request) == reply, request
+        step(dashboard, seconds)
+
+
+def step(dashboard, seconds):
+    for _ in range(round(seconds / PERIOD)):
+        dashboard.controller.cycle()
+
+
+def test_what_a_controller_at_rest_says(dashboard):
+    ask(
+        dashboard,
+        [
+            ("PolyscopeVersion", "URSoftware 5.22.0.0 (Jan 01 2025)"),
+            ("version", "5.22.0.0"),
+            ("get serial number", "20235500001"),
+            ("get robot model", "UR5"),
+            ("is in remote control", "true"),
+            ("robotmode", "Robotmode: RUNNING"),
+            ("ROBOTMODE\r", "Robotmode: RUNNING"),
+            ("safetymode", "Safetymode: NORMAL"),
+            ("safetystatus", "Safetystatus: NORMAL"),
+            ("running", "Program running: false"),
+            ("programState", "STOPPED null"),
+            ("get loaded program", "No program loaded"),
+            ("isProgramSaved", "true null"),
+            ("play", "Failed to execute: play"),
+            ("pause", "Failed to execute: pause"),
+            ("stop", "Failed to execute: stop"),
+            ("close safety popup", "closing safety popup"),
+            ("saveLog", "Log saved to disk"),
+            ("generate flight report system", "Flight Report generated with id: 20235500001"),
+            ("generate flight report nonsense", "Error: nonsense is no type of report"),
+            ("generate support file x", "Completed successfully: x/ur_20235500001.zip"),
+            ("robotmodes", 'could not understand: "robotmodes"'),
+            ("", 'could not understand: ""'),
+        ],
+    )
+
+
+def test_a_program_is_loaded_played_paused_and_stopped(dashboard):
+    ask(
+        dashboard,
+        [
+            ("load wait.urp", "Loading program: wait.urp"),
+            ("get loaded program", "Loaded program: wait.urp"),
+            ("isProgramSaved", "true wait.urp"),
+            ("play", "Starting program"),
+            ("programState", "PLAYING wait.urp"),
+            ("running", "Program running: true"),
+            ("load sub/other.urp", "Error while loading program: sub/other.urp"),
+            ("pause", "Pausing program"),
+            ("programState", "PAUSED wait.urp"),
+            ("play", "Starting program"),
+            ("running", "Program running: true"),
+            ("stop", "Stopped"),
+            ("programState", "STOPPED wait.urp"),
+            ("load /programs/sub/other.urp", "Loading program: /programs/sub/other.urp"),
+            ("load broken.urp", "Error while loading program: broken.urp"),
+            ("load installation default.installation",
+             "Loading installation: default.installation"),
+            ("load installation x.installation", "File not found: x.installation"),
+        ],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["none.urp", "wait.script", "../secret.urp", "/programs/../../secret.urp", "a\0.urp", "",
+     "/etc/passwd", "x" * 5000 + ".urp", "sub/../../secret.urp"],
+    ids=lambda path: path[:20],
+)  # fmt: skip
+def test_nothing_outside_the_folder_of_programs_is_found(dashboard, programs, path):
+    assert dashboard.answer(f"load {path}") == f"File not found: {path}"
+    absolute = (programs.parent / "secret.urp").as_posix()
+    assert dashboard.answer(f"load {absolute}") == f"File not found: {absolute}"
+    assert dashboard.loaded is None
+
+
+def test_power_comes_step_by_step_and_goes_at_once(dashboard):
+    ask(dashboard, [("power off", "Powering off"), ("robotmode", "Robotmode: POWER_OFF")])
+    assert dashboard.answer("play") == "Failed to execute: play"
+    assert dashboard.answer("brake release") == "Brake releasing"
+    seen = []
+    for _ in range(50):
+        step(dashboard, 0.02)
+        seen.append(dashboard.answer("robotmode").removeprefix("Robotmode: "))
+    assert list(dict.fromkeys(seen)) == ["POWER_OFF", "POWER_ON", "BOOTING", "IDLE", "RUNNING"]
+    ask(dashboard, [("power on", "Powering on"), ("robotmode", "Robotmode: RUNNING")], 0.5)
+
+
+def test_a_protective_stop_is_unlocked_after_five_seconds_and_not_before(dashboard):
+    dashboard.controller.protective_stop("a test")
+    step(dashboard, 0.1)
+    assert dashboard.answer("safetymode") == "Safetymode: PROTECTIVE_STOP"
+    assert dashboard.answer("unlock protective stop").startswith("Cannot unlock protective stop")
+    step(dashboard, 5.0)
+    assert dashboard.answer("unlock protective stop") == "Protective stop releasing"
+    assert dashboard.answer("safetymode") == "Safetymode: NORMAL"
+    dashboard.controller.emergency_stop()
+    ask(dashboard, [("restart safety", "Restarting safety"), ("safetymode", "Safetymode: NORMAL")])
+
+
+def test_popups_logs_and_modes(dashboard):
+    ask(dashboard, [("popup hello there", "showing popup")])
+    assert dashboard.controller.popup.text == "hello there"
+    ask(
+        dashboard,
+        [
+            ("close popup", "closing popup"),
+            ("addToLog a note", "Added log message"),
+            ("addToLog", "No log message to add"),
+            ("get operational mode", "NONE"),
+            ("set operational mode automatic", "Operational mode AUTOMATIC is set"),
+            ("get operational mode", "AUTOMATIC"),
+            ("set operational mode x", "Failed setting operational mode: x"),
+            (
+                "clear operational mode",
+                "No longer controlling the operational mode. Current operational mode: NONE",
+            ),
+            ("get operational mode", "NONE"),
+        ],
+    )
+    assert dashboard.controller.popup is None
+    assert "a note" in dashboard.told
+
+
+VERSIONS = {
+    "3.15": {"version", "is in remote control", "set operational mode automatic",
+             "get operational mode", "clear operational mode"},
+    "5.11": {"setUserRole none", "getUserRole"},
+    "5.25": {"setUserRole none", "getUserRole"},
+}  # fmt: skip
+"""What each does not have."""
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_command_that_the_version_lacks_is_not_understood(scene, version):
+    dashboard = dashboard_of(scene, ControllerConfig(version=version))
+    for request in VERSIONS[version]:
+        assert dashboard.answer(request) == f'could not understand: "{request}"'
+    lacking = {request for request in COMMANDS if "understand" in dashboard.answer(request)}
+    assert len(lacking) == len(VERSIONS[version])
+
+
+def test_the_older_series_has_roles(scene):
+    dashboard = dashboard_of(scene, ControllerConfig(version="3.15"))
+    ask(
+        dashboard,
+        [
+            ("setUserRole operator", "Setting user role: OPERATOR"),
+            ("getUserRole", "OPERATOR"),
+            ("setUserRole king", "Failed setting user role: king"),
+        ],
+    )
+
+
+def test_in_local_mode_orders_are_refused_and_questions_answered(dashboard):
+    dashboard.controller.remote_control = False
+    refused = {name for name in COMMANDS if dashboard.answer(name) == LOCAL}
+    assert refused == {
+        "load", "play", "stop", "pause", "shutdown", "power on", "power off", "brake release",
+        "unlock protective stop", "restart safety", "load installation",
+        "set operational mode", "clear operational mode",
+    }  # fmt: skip
+    assert dashboard.answer("is in remote control") == "false"
+    assert dashboard.controller.mode.name == "RUNNING"
