@@ -36,7 +36,7 @@ from breastscan.interruptions import deferred_interrupt, no_garbage_collection
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
 from breastscan.robot.standing import StandingRobot
-from breastscan.run.trajectory import Sample
+from breastscan.run.trajectory import RESUME, Sample
 
 TRANSFER_SPEED = 0.6
 """Top joint speed of the free motions to and from the breast [rad/s]."""
@@ -49,6 +49,10 @@ REFUSALS = 25
 again."""
 NEAR = 0.05
 """Joint distance within which a robot still stands where an earlier scan left it [rad]."""
+BESIDE_STEP = 25
+"""Rows from one place of the path to the next at which a robot is looked for."""
+HOP_LENGTH = 0.025
+"""Of a free motion above the path [m], which the skin does not meet."""
 
 
 def execute(
@@ -72,13 +76,15 @@ def execute(
         config: Force control.
         limits: What ends the scan.
         log: Where every control period in contact or close to it goes, also those of a scan that
-            ends early.
+            ends early. One that was cut off before is gone on with.
         progress: Called with the fraction of the path that is done, 0 to 1.
         pause: Called every period: whether to wait, clear of the skin; the scan then goes on where
             it was.
-        start: Row of the plan at which contact is made: `last_row` of a scan that was cut off.
+        start: Row of the plan at which contact is made: `scan_log.resumption_row` of a scan that
+            was cut off. The arm may still stand in contact, or above where it was.
         in_air: Whether to travel the path at its clearance, without contact.
-        q_home: Where the arm parks in the end [rad]; None for where it stands now.
+        q_home: Where the arm parks in the end [rad]; None for where it stands now, or clear of the
+            skin above it.
 
     Returns:
         The log.
@@ -92,24 +98,103 @@ def execute(
     if not 0 <= start < len(motion.q):
         raise PlanningError(f"a plan of {len(motion.q)} rows has no row {start} to start at", start)
     log = [] if log is None else log
-    q_start = robot.state().q
-    lifted = motion.lifted(start, robot.X_FP, robot.calibration)
-    stands_there = float(np.abs(q_start - lifted).max()) < NEAR
-    robot.move_joint(
-        lifted if stands_there else motion.q_approach, TRANSFER_SPEED, TRANSFER_ACCELERATION
-    )
-    robot.tare()
-    section = PathSection(len(motion.q) - 1, start, in_air, motion.clearance)
-    first_row = start if stands_there else 0
-    _Cycle(StandingRobot(robot), motion, section, config, limits, [], first_row).rehearse()
-    cycle = _Cycle(robot, motion, section, config, limits, log, first_row)
-    with deferred_interrupt() as check_interrupt, no_garbage_collection():
-        cycle.run(check_interrupt, pause, progress)
-    if cycle.error is not None:
-        robot.stop()
-        raise cycle.error
-    robot.move_joint(q_start if q_home is None else q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+    if log:
+        log.append(_resumption(robot, start))
+
+    def follow(section: PathSection, first_row: int, told: Callable[[float], None]) -> None:
+        """A part of the plan, from clear of the skin above one of its rows."""
+        robot.tare()
+        _Cycle(StandingRobot(robot), motion, section, config, limits, [], first_row).rehearse()
+        cycle = _Cycle(robot, motion, section, config, limits, log, first_row)
+        with deferred_interrupt() as check_interrupt, no_garbage_collection():
+            cycle.run(check_interrupt, pause, told)
+        if cycle.error is not None:
+            robot.stop()
+            raise cycle.error
+
+    beside = _beside(robot, motion)
+    q_park = beside.q_lifted if beside is not None and beside.touching else robot.state().q
+    above = _go_above(robot, motion, beside, start)
+    if above < start:
+        to_start = PathSection(start, start, in_air=True, clearance=motion.clearance)
+        follow(to_start, above, lambda fraction: None)
+    follow(PathSection(len(motion.q) - 1, start, in_air, motion.clearance), start, progress)
+    robot.move_joint(q_park if q_home is None else q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
     return log
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Where an earlier scan has left the arm: on the path, or above it."""
+
+    row: int
+    """Of the plan, the nearest."""
+    q_lifted: Float[np.ndarray, "6"]
+    """Joint angles clear of the skin above it [rad]."""
+    touching: bool
+    """Whether the probe is nearer to the skin there than to being clear of it."""
+
+
+def _beside(robot: Robot, motion: Motion) -> _Beside | None:
+    """Where on the plan a robot stands; None for anywhere else."""
+    q, last = robot.state().q, len(motion.q) - 1
+    rows = np.array([*range(0, last, BESIDE_STEP), last])
+    lifted = np.array([motion.lifted(row, robot.X_FP, robot.calibration) for row in rows.tolist()])
+    distance = np.stack([np.abs(motion.q[rows] - q), np.abs(lifted - q)]).max(axis=2).min(axis=0)
+    nearest = int(np.nan_to_num(distance, nan=np.inf).argmin())
+    if not distance[nearest] < NEAR:
+        return None
+    row = _row_under(robot, motion, int(rows[nearest]))
+    q_lifted = motion.lifted(row, robot.X_FP, robot.calibration)
+    if np.isnan(q_lifted).any():
+        return None
+    on_path, above = (float(np.abs(q - other).max()) for other in (motion.q[row], q_lifted))
+    return _Beside(row, q_lifted, touching=on_path < above)
+
+
+def _row_under(robot: Robot, motion: Motion, near: int) -> int:
+    """The row whose place on the path the probe's axis passes, near another one."""
+    first = max(near - 2 * BESIDE_STEP, 0)
+    X_BP = robot.calibration.forward(robot.state().q) @ robot.X_FP
+    path = motion.q[first : near + 2 * BESIDE_STEP + 1]
+    offset = (robot.calibration.forward(path) @ robot.X_FP)[:, :3, 3] - X_BP[:3, 3]
+    across = offset - np.outer(offset @ X_BP[:3, 2], X_BP[:3, 2])
+    return first + int(np.linalg.norm(across, axis=1).argmin())
+
+
+def _go_above(robot: Robot, motion: Motion, beside: _Beside | None, start: int) -> int:
+    """Bring the probe clear of the skin above the row at which contact is to be made, or above one
+    from which the path leads there; which one.
+    """
+
+    def move(q: Float[np.ndarray, "6"]) -> None:
+        robot.move_joint(q, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+
+    def lifted(row: int) -> Float[np.ndarray, "6"]:
+        return motion.lifted(row, robot.X_FP, robot.calibration)
+
+    if beside is not None and (start > 0 or beside.touching):
+        move(beside.q_lifted)  # up the normal
+        way = float(motion.s[start] - motion.s[beside.row])
+        if way > HOP_LENGTH:
+            return beside.row
+        hops = math.ceil(abs(way) / HOP_LENGTH)
+        for row in np.linspace(beside.row, start, hops + 1).round().astype(int)[1:].tolist():
+            move(lifted(row))
+        return start
+    if np.abs(robot.state().q - lifted(start)).max() < NEAR:
+        move(lifted(start))
+        return start
+    move(motion.q_approach)
+    return 0
+
+
+def _resumption(robot: Robot, start: int) -> Sample:
+    """Where a scan that was cut off goes on, before the arm moves."""
+    state = robot.state()
+    return Sample(
+        state.time, RESUME, float(start), state.q, state.qd, state.q, state.wrench_P, False
+    )
 
 
 @dataclass(frozen=True)

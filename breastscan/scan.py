@@ -5,9 +5,10 @@ Perceive [Zhang, Secs. II, III], plan [Sec. IV], execute [Sec. V]: each step see
 before it made.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from breastscan.cloud import filters, normals, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
-from breastscan.errors import ConfigError, NoBreastError
+from breastscan.errors import ConfigError, NoBreastError, PlanningError
 from breastscan.geometry import se3
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import Feed, FeedrateLimits
@@ -48,6 +49,9 @@ from breastscan.vision.matching import pair_check
 from breastscan.vision.refine import RefineConfig
 from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig
+
+SAME_PLAN = 1e-6
+"""How far two plans of the same pictures may lie apart [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,8 +181,39 @@ class ScanResult:
         self.trajectory.save(folder / LOG_FILE, seed=seed)
 
 
-Keep = Callable[[Trajectory, BaseException], None]
-"""Saves what was measured before an error cut a scan off."""
+@dataclass(frozen=True, kw_only=True)
+class CutOff:
+    """A scan that was cut off with the arm on its way, to go on with the same pictures, cell and
+    settings.
+    """
+
+    log: list[Sample]
+    """What it did."""
+    q: Float[np.ndarray, "n 6"]
+    """Joint angles of its plan [rad]."""
+    q_home: Float[np.ndarray, "6"]
+    """Where the arm stood before it, and parks in the end [rad]."""
+
+    def require_same(self, planned: Motion) -> None:
+        """Refuse a plan that has come out another: the log would go on somewhere else.
+
+        Raises:
+            PlanningError: It has.
+        """
+        same = self.q.shape == planned.q.shape
+        apart = float(np.abs(self.q - planned.q).max()) if same else math.inf
+        if not apart < SAME_PLAN:
+            raise PlanningError(
+                "the plan has come out another than that of the scan which was cut off "
+                f"({apart:.1g} rad apart, expected less than {SAME_PLAN:g}): is this another "
+                "version, or another machine? Scan anew",
+                apart,
+            )
+
+
+Keep = Callable[[StereoPair, ScanPlan, Robot, list[Sample]], AbstractContextManager[None]]
+"""Keeps what a scan does from being lost while the arm is on its way: a context that the execution
+runs in, made of what is known before, and of the log as it will grow."""
 
 
 class Stages:
@@ -209,7 +244,8 @@ def scan(
     clearances: Clearances | None = None,
     stages: Stages | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
-    keep: Keep = lambda trajectory, error: None,
+    keep: Keep = lambda images, plan, robot, log: nullcontext(),
+    cut_off: CutOff | None = None,
     in_air: bool = False,
 ) -> ScanResult:
     """See the breast, plan a loop around it, follow the loop with the probe at constant force.
@@ -223,13 +259,13 @@ def scan(
             out.
         stages: Takes the wall times and hears of the progress.
         on_plan: Shown the plan before the arm moves.
-        keep: Is given what was measured and the error that cuts the execution off, if the probe
-            moved.
+        keep: Context in which the arm moves.
+        cut_off: What is gone on with, where it ended; `camera` then gives its pictures.
         in_air: Whether to travel the path at its clearance, without contact.
 
     Raises:
         PerceptionError: No breast was found in the images.
-        PlanningError: The path cannot be followed by the arm.
+        PlanningError: The path cannot be followed by the arm, or left along the probe's axis.
         SafetyError: A limit was passed in contact; the probe was retreated.
         RobotError: The robot refused, or met no skin.
     """
@@ -238,23 +274,23 @@ def scan(
         images = camera.capture()
     reconstruction = perceive(images, cell.rig, config.perception, stages)
     plan = plan_scan(reconstruction, cell, robot, config.planning, stages, clearances)
+    plan.motion.require_lift(robot.X_FP, robot.calibration)
     on_plan(plan)
-    log: list[Sample] = []
-    with stages.stage("execution") as progress:
-        try:
-            execution.execute(
-                robot,
-                plan.motion,
-                config.contact,
-                config.safety,
-                log=log,
-                progress=progress,
-                in_air=in_air,
-            )
-        except BaseException as error:
-            if log:
-                keep(scan_log.trajectory(log, plan.motion, robot), error)
-            raise
+    if cut_off is not None:
+        cut_off.require_same(plan.motion)
+    log = [] if cut_off is None else cut_off.log
+    with keep(images, plan, robot, log), stages.stage("execution") as progress:
+        execution.execute(
+            robot,
+            plan.motion,
+            config.contact,
+            config.safety.with_slack(cell.link.slack),
+            log=log,
+            progress=progress,
+            start=scan_log.resumption_row(log, plan.motion.s),
+            in_air=in_air,
+            q_home=None if cut_off is None else cut_off.q_home,
+        )
     trajectory = scan_log.trajectory(log, plan.motion, robot)
     wall, fluctuation = stages.wall_s["execution"], plan.feed.fluctuation_pct
     return ScanResult(

@@ -4,14 +4,12 @@ takes the robot's place.
 """
 
 import sys
-from contextlib import closing
 from pathlib import Path
 
 from breastscan import Cell, ScanConfig, scan
 from breastscan.camera.choice import open_camera
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.ur import preflight
-from breastscan.robot.ur.rtde_robot import RtdeRobot
 from breastscan.scan import PlanningConfig
 from sim import Clearance
 
@@ -22,9 +20,7 @@ def main(host: str) -> None:
     """Look, plan, travel."""
     cell = Cell.load(Path("out/scan/cell.json"))
     print(f"software {preflight.examine(host).version}")
-    with closing(RtdeRobot(cell.rtde(host))) as robot:
-        preflight.require_full_speed(robot)
-        preflight.require_plausible_sensor(robot)
+    with preflight.opened(cell.rtde(host)) as robot:
         clearances = Clearance(cell, with_chest=False)
         camera = open_camera("folder:out/scan")
         result = scan(robot, camera, cell, SHORT_LOOP, clearances=clearances, in_air=True)

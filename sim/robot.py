@@ -134,6 +134,13 @@ class SimRobot:
         """What really happened so far, one row a period."""
         return self._truth.log()
 
+    def go_on(self, truth: TruthLog) -> None:
+        """Begin with the truth of an earlier run; the clock goes on after it."""
+        self._truth = TruthRecorder()
+        self._truth.recall(truth)
+        self._data.time = truth.time[-1] + PERIOD
+        self._advance()
+
     def servo_joint(self, q: Float[np.ndarray, "6"]) -> None:
         """Track `q` [rad] for one period, as the controller's servoj does.
 

@@ -39,6 +39,11 @@ class TruthRecorder:
     def __init__(self) -> None:
         self._rows: deque[tuple[float, np.ndarray, np.ndarray, float, np.ndarray]] = deque()
 
+    def recall(self, log: TruthLog) -> None:
+        """Begin with the rows of an earlier run."""
+        columns = log.time.tolist(), log.q, log.force_S, log.depth.tolist(), log.X_SP
+        self._rows.extend(zip(*columns, strict=True))
+
     def limit(self, rows: int) -> None:
         """Keep the latest so many."""
         self._rows = deque(self._rows, maxlen=rows)

@@ -18,6 +18,7 @@ from breastscan.errors import PlanningError, RobotError, SafetyError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
+from breastscan.run.trajectory import Sample
 from tests.springs import PERIOD, X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -208,6 +209,41 @@ def test_a_scan_that_was_cut_off_starts_again_where_it_ended(motion):
     assert table.s[table.in_loop][0] == pytest.approx(motion.s[150], abs=0.05e-3)
     assert (heights_of(table, "travel") >= SKIN + CLEARANCE - 1e-6).all()
     assert np.abs(loop_force(table) - 5.0).max() < 0.1
+
+
+@pytest.mark.parametrize("left", ["in contact", "half-way up", "clear of the skin"])
+@pytest.mark.parametrize("start", [0, 100, 150, 200])
+def test_an_arm_that_was_left_on_the_path_goes_up_its_normal_and_contact_is_made_at_the_start(
+    motion, left, start
+):
+    """Before row 150, there, or behind it; the sensor is tared in the air in front of the place."""
+    depth = {"in contact": -0.005, "half-way up": 0.012, "clear of the skin": CLEARANCE}[left]
+    q_left = joints_at(0.45 + motion.s[150], SKIN + depth)
+    robot = SpringRobot(q_left, SKIN)
+    moves, tared = [], []
+    move, tare = robot.move_joint, robot.tare
+    robot.move_joint = lambda q, *rest: (moves.append(q), move(q, *rest))
+    robot.tare = lambda: (tared.append(kinematics.forward(robot.q) @ X_FP), tare())
+    earlier = Sample(-1.0, "loop", 160.0, *np.zeros((3, 6)), np.zeros(6), True)
+    log = [earlier]
+    execution.execute(robot, motion, DEFAULTS, SafetyLimits(), log=log, start=start)
+    table = scan_log.trajectory(log, motion, robot)
+
+    first_X = kinematics.forward(moves[0]) @ X_FP
+    if start > 0 or left == "in contact":
+        assert first_X[0, 3] == pytest.approx(0.45 + motion.s[150], abs=0.002)
+    assert all((kinematics.forward(q) @ X_FP)[2, 3] > SKIN + 0.9 * CLEARANCE for q in moves[:-1])
+    assert tared[-1][0, 3] == pytest.approx(0.45 + motion.s[start], abs=1e-4)
+    assert all(X[2, 3] > SKIN + 0.9 * CLEARANCE for X in tared)
+    assert phases_of(table)[:2] == ["loop", "resume"]
+    assert table.s[1] == motion.s[start]
+    again = table.s[[phase in ("overlap", "loop") for phase in table.phase]][1:]
+    assert again[0] == pytest.approx(motion.s[start], abs=0.1e-3)
+    assert again[-1] == pytest.approx(motion.s[-1], abs=1e-6)
+    assert np.diff(again).max() < 1.1 * SPEED * PERIOD
+    assert robot.largest_force < 6.0
+    if left == "in contact":
+        assert (kinematics.forward(robot.q) @ X_FP)[2, 3] > SKIN + 0.9 * CLEARANCE  # parked
 
 
 def test_the_arm_parks_where_it_stood_or_where_it_is_told(motion):

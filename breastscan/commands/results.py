@@ -10,24 +10,7 @@ from typing import Any
 from breastscan import report
 from breastscan.commands.console import console
 from breastscan.errors import ConfigError
-from breastscan.run.trajectory import Trajectory
-from breastscan.run.writing import write_aborted
-from breastscan.scan import Keep, ScanPlan, ScanResult, Stages
-
-
-def keep_aborted(out: Path) -> Keep:
-    """What saves the trajectory of a scan that is cut off, beside earlier results, and says
-    where.
-    """
-
-    def keep(trajectory: Trajectory, error: BaseException) -> None:
-        try:
-            folder = write_aborted(out, trajectory, error)
-        except OSError:
-            folder = write_aborted(_elsewhere(), trajectory, error)
-        console.print(f"[yellow]What was measured until then: {folder}[/]", soft_wrap=True)
-
-    return keep
+from breastscan.scan import ScanPlan, ScanResult, Stages
 
 
 def leave(
@@ -55,7 +38,7 @@ def leave(
     def save(place: Path) -> None:
         result.save(place, **settings)
 
-    with kept_elsewhere(out, save):
+    with keptelsewhere(out, save):
         film()
         save(folder)
         with stages.stage("report"):
@@ -63,7 +46,7 @@ def leave(
 
 
 @contextmanager
-def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
+def keptelsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
     """Where the block cannot write, save what a scan measured into a folder for temporary files.
 
     Args:
@@ -76,7 +59,7 @@ def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        folder = _elsewhere()
+        folder = elsewhere()
         save(folder)
         raise ConfigError(
             f"cannot write to {out} ({error.strerror or error}): what was measured is in {folder}",
@@ -84,7 +67,8 @@ def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
         ) from error
 
 
-def _elsewhere() -> Path:
+def elsewhere() -> Path:
+    """A new folder for temporary files."""
     return Path(tempfile.mkdtemp(prefix="breastscan-"))
 
 

@@ -7,27 +7,28 @@ yes in so many words.
 
 import sys
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 
 from breastscan.camera.choice import open_camera
+from breastscan.camera.folder import FolderCamera
 from breastscan.camera.interface import StereoCamera
 from breastscan.cell import Cell
+from breastscan.commands import resumption
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, leave, summarise, tell_plan
+from breastscan.commands.results import leave, summarise, tell_plan
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
-from breastscan.robot.ur.rtde_robot import RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
+from breastscan.run.unfinished import ABORTED, CELL_FILE, TRUTH_FILE, settings_file
 from breastscan.run.writing import require_writable, staged
-from breastscan.scan import ScanConfig, ScanPlan, Stages
+from breastscan.scan import CutOff, ScanConfig, Stages
 from breastscan.scan import scan as run_scan
 from breastscan.vision.camera import StereoRig
 from sim.cameras import filament
@@ -36,6 +37,7 @@ from sim.cameras.video import VideoConfig, render_video
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
+from sim.truth_log import TruthLog
 from sim.twin import Twin
 
 TWIN = "twin"
@@ -46,8 +48,12 @@ CONSENT = "contact"
 """What the user types before the probe touches anything."""
 
 
+OUT = Path("out/scan")
+
+
 def scan(
-    out: Out = Path("out/scan"),
+    out: Out = OUT,
+    resume: Path | None = None,
     seed: Seed = 0,
     video: bool = True,
     fine: bool = False,
@@ -67,6 +73,8 @@ def scan(
 
     Args:
         out: Folder for the results.
+        resume: Folder of a scan that was cut off with the arm on its way, which goes on where it
+            ended, with its own pictures and settings: no other is taken but --yes.
         seed: Seed of the phantom's shape, the cameras' and the sensor's noise.
         video: Whether to render scan.mp4 of the twin.
         fine: Whether to render it with soft light, where Vulkan is found: several times slower
@@ -107,16 +115,23 @@ def scan(
             "--seed and scene are the twin's, of which this scan takes nothing: it has --cell and "
             "--camera": (robot is not None and cell is not None and camera != TWIN)
             and (seed, scene) != (0, SceneConfig()),
+            "--resume goes on in the folder that it names: leave out --out": resume is not None
+            and out not in (OUT, resume),
         }
     )
-    settings = {"seed": seed, "rig": rig, "scene": scene}
+    out = resume or out
+    settings: dict[str, Any] = {"seed": seed, "rig": rig, "scene": scene}
     if robot is None:
         settings |= {"video": video, "fine": fine}
-        _scan_twin(out, settings, rig, config, drawn, video=video, fine=fine)
+        cut_off = _begun(resume, settings, config)
+        _scan_twin(out, settings, rig, config, drawn, cut_off, video=video, fine=fine)
         return
     host = host_of(robot)
     world = Scene(drawn)
-    whole = robot_cell(world, cell, rig, calibration, link)
+    if resume is None:
+        whole = robot_cell(world, cell, rig, calibration, link)
+    else:
+        whole = Cell.load(settings_file(resume).with_name(CELL_FILE))
     settings |= {
         "robot": robot,
         "cell": cell,
@@ -126,11 +141,22 @@ def scan(
         "yes": yes,
         "link": whole.link,
     }
+    cut_off = _begun(resume, settings, config)
 
     def open_stereo() -> StereoCamera:
+        if cut_off is not None:
+            return FolderCamera(out / ABORTED)
         return SimStereoCamera(world) if camera == TWIN else open_camera(camera)
 
-    _scan_robot(out, settings, host, whole, open_stereo, config, in_air=dry_run, agreed=yes)
+    _scan_robot(
+        out, settings, host, whole, open_stereo, config, cut_off, in_air=dry_run, agreed=yes
+    )
+
+
+def _begun(resume: Path | None, settings: dict, config: ScanConfig) -> CutOff | None:
+    """What is gone on with, if anything is."""
+    whole = {**settings, **vars(config)}
+    return None if resume is None else resumption.cut_off(resume, whole)
 
 
 def _require_used(refused: dict[str, bool]) -> None:
@@ -146,27 +172,35 @@ def _scan_twin(
     rig: Path | None,
     config: ScanConfig,
     scene: SceneConfig,
+    cut_off: CutOff | None,
     *,
     video: bool,
     fine: bool,
 ) -> None:
     """Scan, measure, film, and leave a complete run folder in `out`."""
     estimated = None if rig is None else StereoRig.load(rig)
-    require_writable({**settings, **vars(config)})
+    whole = {**settings, **vars(config)}
+    require_writable(whole)
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
+
+            def keep_truth(place: Path) -> None:
+                np.savez(place / TRUTH_FILE, **vars(twin.robot.truth_log()))
+
+            known = _recall_truth(twin, out / ABORTED / TRUTH_FILE, cut_off)
             with stages.stage("cameras"):
-                camera = twin.camera
+                camera = twin.camera if cut_off is None else FolderCamera(out / ABORTED)
             result = run_scan(
-                twin.robot, camera, twin.cell, config, clearances=twin.clearances,
-                stages=stages, on_plan=tell_plan, keep=keep_aborted(out),
+                twin.robot, camera, twin.cell, config, clearances=twin.clearances, stages=stages,
+                on_plan=tell_plan, keep=resumption.keep(out, twin.cell, whole, keep_truth),
+                cut_off=cut_off,
             )  # fmt: skip
             with stages.stage("truth"):
-                result = twin.measured(result)
+                result = twin.measured(result) if known else result
 
         def film() -> None:
-            if video:
+            if video and known:
                 with stages.stage("video") as report_fraction:
                     look = VideoConfig(fine=fine and _fine_or_reason())
                     render_video(
@@ -176,6 +210,24 @@ def _scan_twin(
 
         leave(out, folder, result, stages, settings, film)
     summarise(out, result)
+
+
+def _recall_truth(twin: Twin, file: Path, cut_off: CutOff | None) -> bool:
+    """Let a twin go on after the truth of a scan that was cut off; whether all of it is known."""
+    if cut_off is None or not cut_off.log:
+        return True
+    if file.is_file():
+        with np.load(file) as kept:
+            truth = TruthLog(**kept)
+        if truth.time[-1] >= cut_off.log[-1].time:
+            twin.robot.go_on(truth)
+            return True
+    console.print(
+        "[yellow]What was true of the scan so far was lost when its program was killed: nothing "
+        "is measured against the truth, and there is no video.[/]",
+        soft_wrap=True,
+    )
+    return False
 
 
 def _fine_or_reason() -> bool:
@@ -221,49 +273,41 @@ def _scan_robot(
     cell: Cell,
     open_stereo: Callable[[], StereoCamera],
     config: ScanConfig,
+    cut_off: CutOff | None,
     *,
     in_air: bool,
     agreed: bool,
 ) -> None:
     """Check, scan, and leave a run folder in `out`, without what only a simulation knows."""
-    patient = replace(config, safety=config.safety.with_slack(cell.link.slack))
     if not (in_air or agreed or sys.stdin.isatty()):
         raise SafetyError(
             "nobody is there to agree to the contact: run in a terminal, or give --yes", None
         )
     require_writable({**settings, **vars(config)})
     clearances = Clearance(cell, with_chest=False)
-
-    def shown(plan: ScanPlan) -> None:
-        plan.motion.require_lift(arm.X_FP, arm.calibration)
-        tell_plan(plan)
-
     controller = preflight.examine(host)
-    console.print(
-        _introduction(controller, cell, settings["calibration"] or settings["cell"] or "the scene"),
-        soft_wrap=True,
-    )
+    source = settings["calibration"] or settings["cell"] or "the scene"
+    console.print(_introduction(controller, cell, source), soft_wrap=True)
     if not (in_air or agreed):
         _ask()
+    settings = {**settings, "robot_found": controller}
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
-        with closing(RtdeRobot(cell.rtde(host))) as arm:
-            preflight.require_full_speed(arm)
-            preflight.require_plausible_sensor(arm)
+        with preflight.opened(cell.rtde(host)) as arm:
             result = run_scan(
                 arm,
                 open_stereo(),
                 cell,
-                patient,
+                config,
                 clearances=clearances,
                 stages=stages,
-                on_plan=shown,
-                keep=keep_aborted(out),
+                on_plan=tell_plan,
+                keep=resumption.keep(out, cell, {**settings, **vars(config)}),
+                cut_off=cut_off,
                 in_air=in_air,
             )
 
-        result = replace(result, config=config)  # as it was set
-        leave(out, folder, result, stages, {**settings, "robot_found": controller})
+        leave(out, folder, result, stages, settings)
     summarise(out, result)
 
 
@@ -280,7 +324,11 @@ def _introduction(controller: preflight.ControllerIdentity, cell: Cell, source: 
 
 
 def _ask() -> None:
-    typed = console.input(f"The probe will touch what the cameras see. Type {CONSENT!r} to go on: ")
+    question = f"The probe will touch what the cameras see. Type {CONSENT!r} to go on: "
+    try:
+        typed = console.input(question)
+    except EOFError:
+        typed = ""
     if typed.strip() != CONSENT:
         raise SafetyError(
             f"nothing was touched: {CONSENT!r} was expected, {typed!r} was typed", typed

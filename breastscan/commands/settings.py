@@ -28,6 +28,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from breastscan.errors import ConfigError
+from breastscan.run.unfinished import settings_file
 
 READERS: dict[str, Callable[[str], Any]] = {
     ".json": json.loads,
@@ -38,6 +39,8 @@ READERS: dict[str, Callable[[str], Any]] = {
 """What reads a file of settings, by how its name ends."""
 REPLACED = ("--set", "--config")
 """Options that stand for others."""
+RESUME = "--resume"
+"""An option that brings the settings of the scan that it names along."""
 BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 """Words for a setting that is one or the other."""
 PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found", "yes"))
@@ -155,7 +158,8 @@ def _texts(config: type) -> dict[str, str]:
 
 
 def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[str]]:
-    """Put options in the place of `--set` and `--config`; a file's come first, so that others win.
+    """Put options in the place of `--set` and `--config`, and beside `--resume`; a file's come
+    first, so that others win.
 
     Args:
         command: What the arguments are for.
@@ -167,7 +171,7 @@ def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[s
     Raises:
         ConfigError: A file cannot be read, or a name is none of a setting.
     """
-    if not any(argument.partition("=")[0] in REPLACED for argument in arguments):
+    if not any(argument.partition("=")[0] in (*REPLACED, RESUME) for argument in arguments):
         return arguments, []  # nothing to look names up for, which takes a while
     known = settings_of(command)
     typed: list[str] = []
@@ -176,10 +180,13 @@ def expanded(command: Callable, arguments: list[str]) -> tuple[list[str], list[s
     rest = iter(arguments)
     for argument in rest:
         option, _, value = argument.partition("=")
-        if option not in REPLACED:
+        if option not in REPLACED and not (option == RESUME and "resume" in known):
             typed.append(argument)
             continue
         value = value or next(rest, "")
+        if option == RESUME:
+            typed += [RESUME, value]
+            value = str(settings_file(Path(value)))
         if option == "--set":
             typed += _from_text(known, value)
         else:

@@ -8,8 +8,9 @@ import numpy as np
 import tyro
 from jaxtyping import Float
 
+from breastscan.commands import resumption
 from breastscan.commands.console import Out, Seed, console, progress_bars
-from breastscan.commands.results import keep_aborted, leave, summarise, tell_plan
+from breastscan.commands.results import leave, summarise, tell_plan
 from breastscan.run.writing import require_writable, staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
@@ -58,7 +59,8 @@ def view(
     """
     live = LiveConfig(web=web, host=host, port=port)
     settings = {"seed": seed, "rig": rig, "scene": scene}
-    require_writable({**settings, **vars(config)})
+    whole = {**settings, **vars(config)}
+    require_writable(whole)
     require_viewer(live)
     estimated = None if rig is None else StereoRig.load(rig)
     with progress_bars() as listener:
@@ -76,7 +78,7 @@ def view(
                 camera = twin.camera
             result = scan(
                 twin.robot, camera, twin.cell, config, clearances=twin.clearances,
-                stages=stages, on_plan=shown, keep=keep_aborted(out),
+                stages=stages, on_plan=shown, keep=resumption.keep(out, twin.cell, whole),
             )  # fmt: skip
             with stages.stage("truth"):
                 result = twin.measured(result)

@@ -6,9 +6,10 @@ import configparser
 import json
 import math
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
+import yaml
 from scipy.spatial.transform import Rotation
 
 from breastscan.errors import CalibrationError
@@ -41,7 +42,7 @@ def _from_conf(text: str, path: Path) -> KinematicCalibration:
     """The controller's own file: corrections of the DH parameters as lists in a section
     [mounting].
     """
-    parser = configparser.ConfigParser()
+    parser = configparser.ConfigParser(inline_comment_prefixes=("#", ";"))
     try:
         parser.read_string(text)
         rows = {name: parser["mounting"][f"delta_{name}"] for name in ("theta", "d", "a", "alpha")}
@@ -60,30 +61,25 @@ def _from_yaml(text: str, path: Path) -> KinematicCalibration:
     """The ROS driver's file: each joint's frame as x, y, z [m] and roll, pitch, yaw [rad]; the
     last one is F.
     """
-    header = "%YAML:1.0\n---\n"  # without it OpenCV does not take a text for YAML
     try:
-        storage = cv2.FileStorage(header + text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except (cv2.error, SystemError) as error:
-        raise _not_a_calibration(path, "it cannot be parsed") from error
-    root = storage.getNode("kinematics")
-    X_joints = np.stack(
-        [_frame(root.getNode(name) if root.isMap() else root, name, path) for name in LINKS]
-    )
-    storage.release()
+        root = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise _not_a_calibration(path, f"it cannot be parsed: {error}") from error
+    frames = root.get("kinematics") if isinstance(root, dict) else None
+    X_joints = np.stack([_frame(frames, name, path) for name in LINKS])
     return KinematicCalibration(X_joints=X_joints, X_6F=np.eye(4))
 
 
-def _frame(node: cv2.FileNode, name: str, path: Path) -> np.ndarray:
+def _frame(frames: Any, name: str, path: Path) -> np.ndarray:
     numbers = []
     for key in ("x", "y", "z", "roll", "pitch", "yaw"):
-        value = node.getNode(key) if node.isMap() else None
-        if (
-            value is None
-            or not (value.isReal() or value.isInt())
-            or not math.isfinite(value.real())
-        ):
+        try:
+            number = float(frames[name][key])  # YAML takes 1e-05 for a word
+        except (KeyError, TypeError, ValueError):
+            number = math.nan
+        if not math.isfinite(number):
             raise _not_a_calibration(path, f"{name} has no number {key}")
-        numbers.append(value.real())
+        numbers.append(number)
     return se3.pose(Rotation.from_euler("xyz", numbers[3:]).as_matrix(), np.array(numbers[:3]))
 
 

@@ -32,6 +32,19 @@ SAME = 1e-5
 LARGEST_CORRECTION = 0.05
 """How far the flange of a calibrated arm may lie from the nominal one's [m] before the file must be
 of another arm."""
+LENGTHS = {
+    "shoulder's height": float(DH_D[0]),
+    "upper arm": float(-DH_A[1]),
+    "forearm": float(-DH_A[2]),
+    "wrist 1": float(DH_D[3]),
+    "wrist 2": float(DH_D[4]),
+    "wrist 3": float(DH_D[5]),
+}
+"""Of a UR5e, between its joints' axes [m]; arms of other sizes differ by tens of millimetres."""
+PARALLEL = 1e-12
+"""Square of an angle below which two axes are parallel [rad^2]."""
+LARGEST_LENGTH_ERROR = 0.01
+"""By how much one may differ [m]: a calibrated arm's do by a few millimetres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +58,14 @@ class KinematicCalibration:
     """The flange in the frame that rotates with joint 6 [m]."""
 
     def __post_init__(self) -> None:
+        for (name, expected), length in zip(LENGTHS.items(), self._lengths(), strict=True):
+            if not abs(length - expected) < LARGEST_LENGTH_ERROR:
+                raise CalibrationError(
+                    f"the calibrated arm's {name} is {length * 1e3:.1f} mm, expected a UR5e's, "
+                    f"{expected * 1e3:.1f} mm within {LARGEST_LENGTH_ERROR * 1e3:.0f} mm: is the "
+                    "file of another arm, or are its units not metres and radians?",
+                    length,
+                )
         parked = np.radians([0.0, -90.0, 90.0, -90.0, -90.0, 0.0])
         distance = float(
             np.linalg.norm(self.forward(parked)[:3, 3] - kinematics.forward(parked)[:3, 3])
@@ -87,6 +108,29 @@ class KinematicCalibration:
         )
         X_before = np.concatenate([np.eye(4)[None], X_links[:-1]])
         return KinematicCalibration(X_joints=X_before @ X_rotations, X_6F=X_links[-1])
+
+    def _lengths(self) -> tuple[float, ...]:
+        """Of `LENGTHS`, from the axes in space: the offsets along three axes that are nearly
+        parallel say nothing by themselves.
+        """
+        X = _joint_frames(np.zeros((1, 6)), self.X_joints, self.X_6F)[0]
+        p, z = X[:, :3, 3], X[:, :3, 2]
+        shoulder = _nearest_point(p[0], z[0], p[1], z[1])
+        upper = _nearest_point(p[1], z[1], p[0], z[0])
+        elbow = p[2] + ((upper - p[2]) @ z[2]) * z[2]
+        wrist = p[3] + ((elbow - p[3]) @ z[3]) * z[3]
+        fourth = _nearest_point(p[3], z[3], p[4], z[4])
+        fifth_before = _nearest_point(p[4], z[4], p[3], z[3])
+        fifth_after = _nearest_point(p[4], z[4], p[5], z[5])
+        sixth = _nearest_point(p[5], z[5], p[4], z[4])
+        return (
+            float(shoulder @ z[0]),
+            float(np.linalg.norm(elbow - upper)),
+            float(np.linalg.norm(wrist - elbow)),
+            float((fourth - wrist) @ z[3]),
+            float((fifth_after - fifth_before) @ z[4]),
+            float((p[6] - sixth) @ z[5]),
+        )
 
     def forward(self, q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]:
         """Flange pose `X_BF` [m] at joint angles `q` [rad]."""
@@ -144,6 +188,14 @@ class KinematicCalibration:
         angles = np.ascontiguousarray(q).reshape(-1, 6).copy()
         _refine(angles, np.ascontiguousarray(X_BF).reshape(-1, 4, 4), self.X_joints, self.X_6F)
         return angles.reshape(q.shape)
+
+
+def _nearest_point(p: np.ndarray, z: np.ndarray, p2: np.ndarray, z2: np.ndarray) -> np.ndarray:
+    """The point of a line through `p` along `z` that is nearest to another line; far away where the
+    two are parallel.
+    """
+    across = np.cross(z, z2)
+    return p + z * (np.cross(p2 - p, z2) @ across) / max(across @ across, PARALLEL)
 
 
 def _nudged(X_BF: np.ndarray, distance: float) -> np.ndarray:

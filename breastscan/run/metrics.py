@@ -16,13 +16,15 @@ def of_execution(
     Args:
         trajectory: What was done.
         speed_fluctuation_pct: Of the planned feed [%].
-        execution_wall: Wall time that the execution took [s].
+        execution_wall: Wall time that the execution took [s]; of a scan that was resumed, since
+            then.
 
     Returns:
         Metrics named as in `metrics.json`.
     """
     error_mm = trajectory.path_errors_mm()
-    scan_time = float(trajectory.t[-1] - trajectory.t[0])
+    parts_s = [float(part[-1] - part[0]) for part in trajectory.parts()]
+    scan_time = sum(parts_s)
     return {
         "tracking_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
         "tracking_std_mm": error_mm.std(axis=0, ddof=1).tolist(),
@@ -31,7 +33,7 @@ def of_execution(
         "joint_speed_peak_rad_s": np.abs(trajectory.qd[trajectory.in_loop]).max(axis=0).tolist(),
         "speed_fluctuation_pct": speed_fluctuation_pct,
         "scan_time_s": scan_time,
-        "realtime_factor": scan_time / execution_wall,
+        "realtime_factor": parts_s[-1] / execution_wall,
     }
 
 

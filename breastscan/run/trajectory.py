@@ -15,6 +15,11 @@ MM_PER_M = 1e3
 
 LOOP = "loop"
 """Name of the phase in which the probe follows the planned path."""
+RESUME = "resume"
+"""Of the one sample at which a scan that was cut off goes on; its row is where contact is to be
+made again."""
+OVERLAP = "overlap"
+"""Of the loop after it as far as the scan had come before: each place counts once."""
 
 LOG_FILE = "trajectory.parquet"
 """The log in the folder of a run."""
@@ -93,6 +98,11 @@ class Trajectory:
     def elapsed(self) -> Float[np.ndarray, "n"]:
         """Time since the log began [s]."""
         return self.t - self.t[0]
+
+    def parts(self) -> list[Float[np.ndarray, "k"]]:
+        """The times of each part [s]: one, and one more for each time that the scan was resumed."""
+        resumed = [row for row, phase in enumerate(self.phase) if phase == RESUME and row]
+        return np.split(self.t, resumed)
 
     @property
     def in_loop(self) -> Bool[np.ndarray, "n"]:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,11 +22,12 @@ from breastscan.errors import ConfigError
 from breastscan.run.columns import PATH, names
 from breastscan.run.provenance import provenance
 from breastscan.run.trajectory import LOG_FILE, Trajectory
+from breastscan.run.unfinished import ABORTED
 
 INNERMOST = re.compile(r"\[\n\s*([^\[\]{}\"]*)\n\s*\]")
 """A list of numbers as `json` indents it; text in a string holds no line break."""
-ABORTED = "aborted"
-"""Where in a run folder that lies which was measured before a scan was cut off."""
+STAGED = ".partial-"
+"""How the names of folders begin in which results wait to be complete."""
 
 
 @contextmanager
@@ -41,7 +43,7 @@ def staged(out: Path) -> Iterator[Path]:
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
+        folder = Path(tempfile.mkdtemp(prefix=STAGED, dir=out))
     except OSError as error:
         raise ConfigError(
             f"cannot write to the output folder {out} ({error.strerror}): choose another one with "
@@ -52,7 +54,8 @@ def staged(out: Path) -> Iterator[Path]:
         yield folder
         for path in sorted(folder.iterdir()):
             os.replace(path, out / path.name)
-        shutil.rmtree(out / ABORTED, ignore_errors=True)
+        for scrap in (out / ABORTED, *out.glob(f"{STAGED}*")):  # a killed scan left its own
+            shutil.rmtree(scrap, ignore_errors=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -80,6 +83,11 @@ def require_writable(settings: dict[str, object]) -> None:
             "force law whose fields are numbers and words",
             error,
         ) from error
+
+
+def as_json(content: object) -> Any:
+    """What a reader of written JSON gets."""
+    return json.loads(json.dumps(content, default=_plain))
 
 
 def write_settings(folder: Path, settings: dict[str, object]) -> None:
@@ -146,7 +154,7 @@ def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Pa
     folder.mkdir(parents=True, exist_ok=True)
     trajectory.save(folder / LOG_FILE)
     on_path = trajectory.s[~np.isnan(trajectory.s)]
-    reached = on_path[-1] if on_path.size else None
+    reached = on_path.max() if on_path.size else None
     content = {
         "error": type(error).__name__,
         "message": str(error),

@@ -16,7 +16,8 @@ from breastscan.commands.shots import ShotFolder
 from breastscan.errors import BreastScanError
 from breastscan.planning.motion import Motion
 from breastscan.run import writing
-from breastscan.scan import PlanningConfig
+from breastscan.run.unfinished import ABORTED, JOURNAL_FILE, PLAN_FILE
+from breastscan.scan import PlanningConfig, ScanConfig
 from breastscan.vision.board import BoardShot
 from sim.room.cell import cell_of
 from sim.scene import Scene, SceneConfig
@@ -71,10 +72,28 @@ def files() -> dict[str, Path]:
     writing.write_cloud(folder / "cloud.ply", *dome())
     for side in ("left", "right"):
         writing.write_image(folder / f"{side}.png", getattr(small_pair(), side))
-    names = {"rig": "rig.yaml", "other rig": "other.yaml", "cell": "cell.json", "shots": "."}
+    cut_off(folder / "cut off" / ABORTED)
+    names = {
+        "cut off": "cut off",
+        "rig": "rig.yaml",
+        "other rig": "other.yaml",
+        "cell": "cell.json",
+        "shots": ".",
+    }
     names |= {"calibration": "calibration.conf", "cloud": "cloud.ply"}
     names |= {"left": "left.png", "right": "right.png"}
     return {name: folder / file for name, file in names.items()}
+
+
+def cut_off(folder: Path) -> None:
+    """What a scan with the defaults leaves that was cut off."""
+    folder.mkdir(parents=True)
+    settings = {"seed": 0, "rig": None, "scene": SceneConfig(), "video": True, "fine": False}
+    writing.write_settings(folder, {**settings, **vars(ScanConfig())})
+    for side in ("left", "right"):
+        writing.write_image(folder / f"{side}_0.0.png", getattr(small_pair(), side))
+    np.savez(folder / PLAN_FILE, q=np.zeros((2, 6)), q_home=np.zeros(6))
+    (folder / JOURNAL_FILE).touch()
 
 
 def shots_found() -> ShotFolder:
@@ -137,8 +156,7 @@ def recorded_by(command: str) -> dict[str, Any]:
         "scan": report | {
             "Twin": ATwin(), "render_video": None,
             "filament.unusable": None, "preflight.examine": Found(),
-            "preflight.require_full_speed": None, "preflight.require_plausible_sensor": None,
-            "RtdeRobot": SimpleNamespace(close=lambda: None), "run_scan": Scanned(),
+            "preflight.opened": nullcontext(), "run_scan": Scanned(),
             "Clearance": None, "SimStereoCamera": None, "open_camera": None,
         },
         "twin": {"serve": None},

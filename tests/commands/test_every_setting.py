@@ -164,6 +164,7 @@ USUAL: dict[str, dict[str, Any]] = {
 OPTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "twin": (True, {"shots": None}),
     "out": (Path("elsewhere"), {}),
+    "resume": ("cut off", {}),
     "seed": (3, {}),
     "calibrate.seed": (3, {"shots": None, "twin": True}),
     "handeye.seed": (3, {"shots": None, "twin": True}),

@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from breastscan.commands import scan as scan_command
 from breastscan.commands.scan import host_of, robot_cell, scan
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import CalibrationError, ConfigError, RobotError, SafetyError
+from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur.worker import LinkLimits
@@ -80,33 +82,98 @@ def test_a_rig_without_hand_eye_is_refused_first(tmp_path):
         scan(tmp_path / "out", robot=NOBODY, rig=tmp_path / "rig.yaml", yes=True)
 
 
-def test_what_is_kept_of_a_scan_is_as_it_was_set_and_the_link_as_it_was(tmp_path, monkeypatch):
-    """The supervisor is as patient as the link; a run that is given its config.json is not more."""
+@dataclass
+class Result:
+    """What a scan gives, kept."""
+
+    config: ScanConfig
+    kept: dict
+
+    def save(self, folder, **settings):
+        self.kept.update(settings, safety=self.config.safety)
+
+
+@pytest.fixture
+def kept(monkeypatch):
+    """What a scan is given and leaves, on a robot that is not there."""
     kept = {}
 
-    @dataclass
-    class Result:
-        config: ScanConfig
-
-        def save(self, folder, **settings):
-            kept.update(settings, safety=self.config.safety)
-
     def run_scan(robot, camera, cell, config, **_):
-        kept["patience"] = config.safety.silence
-        return Result(config)
+        kept.update(taken=cell)
+        return Result(config, kept)
 
     for name in ("Clearance", "SimStereoCamera", "summarise", "_introduction"):
         monkeypatch.setattr(scan_command, name, lambda *_, **__: "")
-    for name in ("examine", "require_full_speed", "require_plausible_sensor"):
-        monkeypatch.setattr(scan_command.preflight, name, lambda *_: None)
+    monkeypatch.setattr(scan_command.preflight, "examine", lambda *_: None)
+    monkeypatch.setattr(scan_command.preflight, "opened", lambda link: nullcontext())
     monkeypatch.setattr(results.report, "write", lambda folder: None)
-    monkeypatch.setattr(scan_command, "RtdeRobot", lambda link: nullcontext())
-    monkeypatch.setattr(scan_command, "closing", lambda robot: robot)
     monkeypatch.setattr(scan_command, "run_scan", run_scan)
+    return kept
+
+
+def test_what_is_kept_of_a_scan_is_as_it_was_set_and_the_link_as_it_was(tmp_path, kept):
     scan(tmp_path / "out", robot=NOBODY, yes=True, link=LinkLimits(slack=3.0))
-    assert kept["patience"] == pytest.approx(3.0 * SafetyLimits().silence)
+    assert kept["taken"].link == kept["link"] == LinkLimits(slack=3.0)
     assert kept["safety"] == SafetyLimits()
-    assert kept["link"] == LinkLimits(slack=3.0)
+
+
+@pytest.mark.parametrize("typed", ["yes", "", "Contact", "contact me"])
+def test_another_word_than_the_one_asked_for_is_no_consent(tmp_path, kept, monkeypatch, typed):
+    asked = []
+    monkeypatch.setattr(scan_command.sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(
+        scan_command.console, "input", lambda question: asked.append(question) or typed
+    )
+    with pytest.raises(SafetyError, match=f"'contact' was expected, '{typed}' was typed"):
+        scan(tmp_path / "out", robot=NOBODY)
+    assert "will touch" in asked[0]
+    assert "'contact'" in asked[0]
+    assert not (tmp_path / "out").exists()
+    assert not kept
+
+
+def test_the_word_asked_for_is_consent_and_a_dry_run_or_yes_asks_nothing(
+    tmp_path, kept, monkeypatch
+):
+    monkeypatch.setattr(scan_command.sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(scan_command.console, "input", lambda question: " contact\n")
+    scan(tmp_path / "out", robot=NOBODY)
+    assert kept.pop("taken")
+
+    def asked(question):
+        raise AssertionError(question)
+
+    monkeypatch.setattr(scan_command.console, "input", asked)
+    scan(tmp_path / "out", robot=NOBODY, dry_run=True)
+    assert kept.pop("taken")
+    scan(tmp_path / "out", robot=NOBODY, yes=True)
+    assert kept.pop("taken")
+
+
+def test_a_terminal_that_closes_at_the_question_is_no_consent(tmp_path, kept, monkeypatch):
+    def closed(question):
+        raise EOFError
+
+    monkeypatch.setattr(scan_command.sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(scan_command.console, "input", closed)
+    with pytest.raises(SafetyError, match="nothing was touched"):
+        scan(tmp_path / "out", robot=NOBODY)
+    assert not kept
+
+
+def test_the_calibration_of_an_arm_reaches_the_link(tmp_path, kept, monkeypatch):
+    links = []
+    monkeypatch.setattr(
+        scan_command.preflight, "opened", lambda link: links.append(link) or nullcontext()
+    )
+    rows = [f"delta_{name} = [1e-3, 0, 0, 0, 0, 0]" for name in ("theta", "d", "a", "alpha")]
+    (tmp_path / "calibration.conf").write_text("\n".join(["[mounting]", *rows]))
+    file = tmp_path / "calibration.conf"
+    scan(tmp_path / "out", robot=NOBODY, yes=True, calibration=file)
+    np.testing.assert_array_equal(
+        links[0].kinematics.X_joints, calibration_file.load(file).X_joints
+    )
+    assert kept["calibration"] == file
 
 
 def test_nobody_to_agree_is_a_refusal(tmp_path):

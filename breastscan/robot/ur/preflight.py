@@ -7,13 +7,13 @@ everything else of the dashboard, which software from version 10 on does not hav
 import socket
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from breastscan.errors import RobotError
-from breastscan.robot.ur.rtde_robot import RtdeRobot
+from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.ur5e import (
     DASHBOARD_PORT,
     MODEL,
@@ -80,6 +80,21 @@ def examine(host: str) -> ControllerIdentity:
             )
         _require_ready(ask, host)
     return controller
+
+
+@contextmanager
+def opened(link: RtdeConfig) -> Iterator[RtdeRobot]:
+    """The robot at the other end of a link, once everything that can be refused beforehand is not;
+    it is let go in the end.
+
+    Raises:
+        RobotError: It is not there, not the one expected, or not ready: says which, and the cure.
+    """
+    examine(link.host)
+    with closing(RtdeRobot(link)) as robot:
+        require_full_speed(robot)
+        require_plausible_sensor(robot)
+        yield robot
 
 
 def require_full_speed(robot: RtdeRobot) -> None:

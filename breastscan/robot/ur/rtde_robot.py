@@ -117,6 +117,8 @@ class RtdeRobot:
         """
         targets.check_angles(q)
         targets.check_step(q, self._target, self.period)
+        if self._free:
+            raise RobotError("the arm is led by hand: end that first, by freedrive(False)", q)
         self._require_healthy(self._shared.read())
         self._number += 1
         self._driven = True
@@ -177,6 +179,7 @@ class RtdeRobot:
             RobotError: The robot refused.
         """
         self._request("freedrive", on)
+        self._free = on
         self._park()
 
     def set_digital_output(self, number: int, on: bool) -> None:
@@ -227,6 +230,8 @@ class RtdeRobot:
         theirs.close()
         their_requests.close()
         self._number = 0
+        self._free = False
+        """Whether the arm is led by hand."""
         self.speed_fraction = float(self._await_worker())
         """Where the speed slider stood on connecting, 0 to 1."""
         self._park()

@@ -7,7 +7,6 @@ Times are told on the twin's clock, which waits for its client.
 import multiprocessing
 import os
 import signal
-import socket
 import time
 
 import numpy as np
@@ -26,7 +25,7 @@ from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
 from sim.wrist.probe import payload
 from tests.robot.contract import RobotContract, send
-from tests.sim.controller.served import address, pass_time, served
+from tests.sim.controller.served import address, ask_dashboard, pass_time, served
 from tests.twin_path import arc_motion
 
 HOST = address(31)
@@ -115,6 +114,18 @@ def test_a_parent_that_is_late_finds_the_arm_at_rest_and_may_go_on(connected, tw
     send(connected, [moving[-1]] * 10)
 
 
+def test_an_arm_that_is_led_by_hand_takes_no_targets_until_that_is_ended(connected):
+    connected.move_joint(RobotContract.Q_START, 0.5, 1.0)
+    connected.freedrive(True)
+    with pytest.raises(RobotError, match=r"led by hand.*freedrive\(False\)"):
+        connected.servo_joint(connected.state().q)
+    with pytest.raises(RobotError, match="led by hand"):
+        connected.move_joint(RobotContract.Q_START, 0.5, 1.0)
+    connected.freedrive(False)
+    connected.move_joint(RobotContract.Q_START + 0.05, 0.5, 1.0)
+    np.testing.assert_allclose(connected.state().q, RobotContract.Q_START + 0.05, atol=1e-3)
+
+
 def test_digital_outputs_reach_the_controller(connected, twin):
     connected.set_digital_output(3, True)
     pass_time(twin, 0.1)
@@ -167,21 +178,9 @@ def pause_worker(twin, robot):
     os.kill(robot._process.pid, signal.SIGCONT)
 
 
-def ask_dashboard(*lines):
-    with (
-        socket.create_connection((HOST, 29999), 5) as connection,
-        connection.makefile("rw") as stream,
-    ):
-        stream.readline()
-        for line in lines:
-            stream.write(line + "\n")
-            stream.flush()
-            stream.readline()
-
-
 def recover(twin, robot):
     twin.do("release")
-    ask_dashboard("unlock protective stop", "power on", "brake release")
+    ask_dashboard(HOST, "unlock protective stop", "power on", "brake release")
     robot.reconnect()
 
 
@@ -201,6 +200,11 @@ FAULTS = {
         lambda twin, robot: twin.do("silence", seconds=3.0),
         Fault.SILENCE,
         SILENCE_DETECTED,
+    ),
+    "connection to the controller is lost": (
+        lambda twin, robot: twin.do("close_connections"),
+        Fault.LOST,
+        DETECTED,
     ),
     "worker died": (
         lambda twin, robot: os.kill(robot._process.pid, signal.SIGKILL),

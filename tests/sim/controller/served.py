@@ -1,6 +1,7 @@
 """A twin behind a controller's ports in a process of its own, and clients of it in others."""
 
 import os
+import socket
 import subprocess
 import sys
 import textwrap
@@ -50,6 +51,19 @@ def pass_time(twin, seconds):
     until = twin.do("status")["time"] + seconds
     while twin.do("status")["time"] < until:
         time.sleep(0.005)
+
+
+def ask_dashboard(host, *lines):
+    """Send lines to a controller's dashboard, one after the other."""
+    with (
+        socket.create_connection((host, 29999), 5) as connection,
+        connection.makefile("rw") as stream,
+    ):
+        stream.readline()
+        for line in lines:
+            stream.write(line + "\n")
+            stream.flush()
+            stream.readline()
 
 
 def client(program, *arguments, timeout=120):
