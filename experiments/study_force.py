@@ -186,8 +186,10 @@ def _parallel(jobs: int) -> Callable[[list[Cell]], list[Outcome]]:
 def press(places: int, seed: int, jobs: int) -> dict[str, list[Press]]:
     """The controller's own force mode at so many places, by circumstance."""
     wanted = [(name, k / places, seed) for name in force_mode_cell.ZEROED for k in range(places)]
-    presses = iter(
-        joblib.Parallel(n_jobs=jobs)(joblib.delayed(force_mode_cell.run)(*each) for each in wanted)
+    workers = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    presses = cast(
+        Iterator[list[Press]],
+        workers(joblib.delayed(force_mode_cell.run)(*each) for each in wanted),
     )
     return {
         name: [one for _ in range(places) for one in next(presses)]

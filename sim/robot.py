@@ -79,7 +79,8 @@ class SimRobot:
         """What the tissue did to the probe in the latest period; None without tissue."""
         self._push_B, self._push_periods = np.zeros(3), 0
         """Force of somebody's hand on the tip [N], and for how long yet."""
-        self._held, self._held_at, self._held_periods = 0, 0.0, 0
+        self._held, self._held_at = 0, 0.0
+        self._held_periods = 0
         """Joint that something holds fast, where [rad], and for how long yet."""
         self._exerted: Float[np.ndarray, 6] | None = None
         """Torque of the drives in this period, where they do not hold a position [N m]."""

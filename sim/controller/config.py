@@ -9,7 +9,7 @@ import tyro
 
 from breastscan.errors import ConfigError
 
-Version = Literal["3.15", "5.11", "5.22", "5.25", "10.11"]
+Version = Literal["3.15", "5.11", "5.22", "5.25", "5.26", "10.11"]
 """Of the controller's software. 10 has no dashboard; 3.15 speaks the protocol and was never that of
 a UR5e."""
 Clock = Literal["real-time", "lockstep"]

@@ -28,7 +28,14 @@ from sim.controller.motion import (
     Yielding,
 )
 from sim.controller.sockets import Sockets
-from sim.controller.states import POWERING_UP, Cause, RobotMode, Runtime, Safety
+from sim.controller.states import (
+    EMERGENCY_STOPS,
+    POWERING_UP,
+    Cause,
+    RobotMode,
+    Runtime,
+    Safety,
+)
 from sim.controller.supervision import LIMITS, SAFE_DECELERATION, Supervision, outside
 from sim.controller.urscript.compiler import load
 from sim.controller.urscript.program import Program, Script, Thread
@@ -43,7 +50,7 @@ STOP_DECELERATION = 10.0
 """Of the leading joint when a program ends [rad/s^2]."""
 PRESSED = (Cause.COLLISION, Cause.DEVIATION)
 """Causes after which the arm yields."""
-RELEASED = (Safety.ROBOT_EMERGENCY_STOP, Safety.SYSTEM_EMERGENCY_STOP, Safety.SAFEGUARD_STOP)
+RELEASED = (*EMERGENCY_STOPS, Safety.SAFEGUARD_STOP)
 """What ends when somebody releases it."""
 POWER_STEP = 0.1
 """Between two modes on the way to power [s]; assumed."""
@@ -250,7 +257,7 @@ class Controller:
             return
         waiting = self._loading.setdefault(sender, deque())
         if len(waiting) >= WAITING_PROGRAMS:
-            self._report(
+            self.report(
                 "a program was dropped",
                 ScriptError(f"{WAITING_PROGRAMS} others of this client wait"),
             )
@@ -405,7 +412,7 @@ class Controller:
         try:
             script = self._read(waiting[0])
         except ScriptError as error:
-            self._report("a program was refused", error, waiting.popleft().source)
+            self.report("a program was refused", error, waiting.popleft().source)
         else:
             if script is not None:
                 self._start(script, waiting[0].address)
@@ -467,7 +474,8 @@ class Controller:
             self.motion = Braking(self.robot, STOP_DECELERATION)
         self.runtime = Runtime.STOPPED
 
-    def _report(self, what: str, error: ScriptError, source: str = "") -> None:
+    def report(self, what: str, error: ScriptError, source: str = "") -> None:
+        """Tell everyone what is wrong with a program."""
         self.program_error = f"line {error.line}: {error}"
         self._tell_error(what, error, source)
 
@@ -590,7 +598,7 @@ class Controller:
             self.program.step()
         except ScriptError as error:
             program = self.program
-            self._report(f"program {program.name[:SHOWN]}", error, program.source)
+            self.report(f"program {program.name[:SHOWN]}", error, program.source)
             self._end_program("an error")
             return
         if self.program is not None and not self.program.running:

@@ -1,12 +1,15 @@
 """The dashboard: port 29999, a line for a line [UR-dashboard]."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.controller.controller import Controller
+from sim.controller import external_control
+from sim.controller.controller import LOOPBACK, Controller
+from sim.controller.external_control import LONGEST_PROGRAM
 from sim.controller.messages import Popup
 from sim.controller.states import RobotMode, Runtime
+from sim.controller.urscript.values import ScriptError
 
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "20235500001"
@@ -26,8 +29,8 @@ ROLE, USER_ROLES = "user role", ("PROGRAMMER", "OPERATOR", "NONE", "LOCKED", "RE
 REPORTS = ("", "controller", "software", "system")
 ROOTS = ("ursim", "programs")
 """Folders on a controller in which programs lie; a path may begin there."""
-LONGEST_PROGRAM, LONGEST_PATH = 1_000_000, 200
-"""Bytes, and characters."""
+LONGEST_PATH = 200
+"""Characters."""
 Do = Callable[[Controller], object]
 
 
@@ -54,12 +57,17 @@ class Dashboard:
             for name, command in COMMANDS.items()
             if (since := command.since[config.e_series]) and since <= config.numbers
         }
-        self.loaded: tuple[str, str] | None = None
-        """Path of a program, and its text."""
+        self.loaded: tuple[str, str | None] | None = None
+        """Path of a program, and its text, None where the client brings it."""
+        self.address = LOOPBACK
+        """Of the machine that gave the latest order."""
+        self._request: tuple[str, Generator[None, None, str]] | None = None
+        """To a machine, for its program, until that has come."""
         self.chosen = {MODE: "NONE", ROLE: "PROGRAMMER"}
 
-    def answer(self, request: str) -> str:
-        """What is said to a request, having done it."""
+    def answer(self, request: str, address: str = LOOPBACK) -> str:
+        """What is said to the request of a machine, having done it."""
+        self.address = address
         words = request.strip()
         for name in sorted(self._commands, key=len, reverse=True):
             rest = words[len(name) :]
@@ -70,6 +78,25 @@ class Dashboard:
                 return command.act(self, rest.strip())
         return f'could not understand: "{words}"'
 
+    def request_program(self) -> None:
+        """Ask the machine that gave the order for its program."""
+        coming = external_control.requested(self.address, lambda: self.controller.time)
+        self._request = self.address, coming
+
+    def cycle(self) -> None:
+        """Run a program that was asked for, once it has come."""
+        if self._request is None:
+            return
+        address, coming = self._request
+        try:
+            next(coming)
+        except StopIteration as come:
+            self._request = None
+            self.controller.run(come.value, self, address)
+        except ScriptError as error:
+            self._request = None
+            self.controller.report("no program came", error)
+
     @property
     def program(self) -> str:
         """Name of the loaded one, as states and answers give it."""
@@ -79,14 +106,21 @@ class Dashboard:
 def _load(dashboard: Dashboard, path: str) -> str:
     """A program, by the script that PolyScope saves beside it."""
     file = _found(dashboard.controller.config.programs, path, ".urp")
-    if file is None:
+    brought = file is None and Path(path).name == external_control.PROGRAM
+    if file is None and not brought:
         return f"File not found: {path}"
-    script = file.with_suffix(".script")
-    busy = dashboard.controller.runtime is not Runtime.STOPPED
-    if busy or not script.is_file() or script.stat().st_size > LONGEST_PROGRAM:
+    text = None if file is None else _text(file.with_suffix(".script"))
+    if dashboard.controller.runtime is not Runtime.STOPPED or not (text or brought):
         return f"Error while loading program: {path}"
-    dashboard.loaded = path, script.read_text(encoding="utf-8", errors="replace")
+    dashboard.loaded = path, text
     return f"Loading program: {path}"
+
+
+def _text(script: Path) -> str | None:
+    """Of a program, unless there is none or it is too long."""
+    if not script.is_file() or script.stat().st_size > LONGEST_PROGRAM:
+        return None
+    return script.read_text(encoding="utf-8", errors="replace")
 
 
 def _load_installation(dashboard: Dashboard, path: str) -> str:
@@ -109,7 +143,11 @@ def _found(root: Path | None, path: str, suffix: str) -> Path | None:
 def _play(dashboard: Dashboard, _: str) -> str:
     controller = dashboard.controller
     if controller.runtime is Runtime.STOPPED and dashboard.loaded and controller.operational:
-        controller.run(dashboard.loaded[1], dashboard)
+        text = dashboard.loaded[1]
+        if text is None:
+            dashboard.request_program()
+        else:
+            controller.run(text, dashboard)
         return "Starting program"
     return "Starting program" if controller.resume() else "Failed to execute: play"
 

@@ -3,7 +3,6 @@ the arm's dynamics.
 """
 
 from collections.abc import Callable, Iterable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,11 +96,15 @@ def _force_mode(controller: Controller) -> Iterable[Function]:
             "limits": LIMITS}  # fmt: skip
     yield row("force_mode", begin, *(Parameter(*each) for each in task.items()), costly=True)
     yield row("end_force_mode", end)
-    for name, gain, highest in (
-        ("force_mode_set_damping", "damping", 1.0),
-        ("force_mode_set_gain_scaling", "scaling", 2.0),
-    ):
-        yield row(name, partial(setattr, gains, gain), Parameter(gain, _from_zero_to(highest)))
+
+    def set_damping(damping: float) -> None:
+        gains.damping = damping
+
+    def set_scaling(scaling: float) -> None:
+        gains.scaling = scaling
+
+    yield row("force_mode_set_damping", set_damping, Parameter("damping", _from_zero_to(1.0)))
+    yield row("force_mode_set_gain_scaling", set_scaling, Parameter("scaling", _from_zero_to(2.0)))
 
 
 def _freedrive(controller: Controller) -> Iterable[Function]:

@@ -45,7 +45,7 @@ END_STEPS = 20
 NEARING = 0.1
 """Measure of singularity below which joints are watched for their acceleration [-]; assumed."""
 LARGEST_ACCELERATION = 40.0
-"""Of a joint there [rad/s^2]; assumed."""
+"""Of a joint there, and in a motion at a speed, whatever is asked for [rad/s^2]; assumed."""
 NEAR_SINGULARITY = 0.02
 """Measure of singularity below which no straight motion leads further down [-]; assumed."""
 OFF_LINE, OFF_ROTATION = 1e-4, 1e-3
@@ -197,7 +197,7 @@ class Travel:
             go(robot, q)
             return True
         self._go(robot, (self._before + self._law.distance(self._time)) / self._length)
-        return self._time < self._law.duration
+        return bool(self._time < self._law.duration)
 
     def _go(self, robot: Commanded, fraction: float) -> None:
         q = self._at(fraction)
@@ -390,7 +390,7 @@ class JointSpeed:
     """speedj: up or down to joint speeds, and on at them."""
 
     def __init__(self, qd: Float[np.ndarray, "6"], acceleration: float) -> None:
-        self._qd, self._acceleration = qd, acceleration
+        self._qd, self._acceleration = qd, min(acceleration, LARGEST_ACCELERATION)
 
     def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period."""
@@ -430,7 +430,9 @@ class ToolSpeed:
         # beside a singularity the tool slows down before it is stopped
         q_next = q + PERIOD * qd_next * min(1.0, SPEED_LIMIT / max(np.abs(qd_next).max(), 1e-12))
         _check_singularity(q, qd, q_next)
-        go(robot, q_next)
+        change_q = q_next - q - PERIOD * qd
+        most = PERIOD**2 * LARGEST_ACCELERATION / max(float(np.abs(change_q).max()), 1e-12)
+        go(robot, q + PERIOD * qd + min(1.0, most) * change_q)
         return True
 
 

@@ -11,7 +11,14 @@ import numpy as np
 
 from breastscan.geometry.kinematics import DH_A, DH_D
 from sim.controller.controller import Controller
-from sim.controller.states import JOINT_MODES, SAFETY_BITS, RobotMode, Runtime, Safety
+from sim.controller.states import (
+    EMERGENCY_STOPS,
+    JOINT_MODES,
+    SAFETY_BITS,
+    RobotMode,
+    Runtime,
+    Safety,
+)
 from sim.controller.variables import BIT_WORDS, BITS, OUTPUTS, REGISTERS, WIDTHS, zero
 
 VOLTAGE = 48.0
@@ -22,7 +29,7 @@ TORQUE_CONSTANT = 10.0
 """Joint torque over motor current [N m/A], roughly."""
 TOOL_RUNNING = 253
 """Of `tool_mode`."""
-POSITION, FREEDRIVE = 0, 1
+POSITION, FREEDRIVE, FORCE = 0, 1, 2
 """Of the control mode."""
 CONSTANT = "="
 """Begins the name of what always has one value, as `=0`."""
@@ -194,6 +201,8 @@ class Outputs:
                 | c.freedrive << 2
             ),
             "safety_status_bits": lambda: SAFETY_BITS[c.safety],
+            "collision_detection_ratio": lambda: c.supervision.collision_ratio,
+            "joint_position_deviation_ratio": lambda: max(c.supervision.deviation_ratio),
             "actual_robot_energy_consumed": lambda: VOLTAGE * CURRENT * c.time,
         }
 
@@ -203,11 +212,13 @@ class Outputs:
         return {
             "microseconds": lambda: round(c.time * 1e6),
             "is_powered": lambda: c.mode is not RobotMode.POWER_OFF,
-            "is_emergency_stopped": lambda: c.safety is Safety.ROBOT_EMERGENCY_STOP,
+            "is_emergency_stopped": lambda: c.safety in EMERGENCY_STOPS,
             "is_protective_stopped": lambda: c.safety is Safety.PROTECTIVE_STOP,
             "is_playing": lambda: c.runtime is Runtime.PLAYING,
             "is_paused": lambda: c.runtime is Runtime.PAUSED,
-            "control_mode": lambda: FREEDRIVE if c.freedrive else POSITION,
+            "control_mode": lambda: (
+                FREEDRIVE if c.freedrive else FORCE if c.compliance is not None else POSITION
+            ),
             "freedrive": lambda: c.freedrive,
             "joint_temperature": lambda: TEMPERATURE,
         }

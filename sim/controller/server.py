@@ -131,6 +131,7 @@ class Server:
         self._faults.count(
             sum(client.rtde.commands for client in clients if client.rtde is not None)
         )
+        self._dashboard.cycle()
         self.controller.cycle()
         while self.controller.messages:
             self._announce(self.controller.messages.popleft())
@@ -289,7 +290,7 @@ class Server:
             client.send(b"Disconnected\n")
             client.close()
             return ""
-        return self._dashboard.answer(line)
+        return self._dashboard.answer(line, client.address)
 
     def _on_control(self, client: Client) -> None:
         client.take = by_line(client, self._faults.answer)

@@ -41,6 +41,7 @@ class Safety(IntEnum):
     FAULT = 9
 
 
+EMERGENCY_STOPS = (Safety.SYSTEM_EMERGENCY_STOP, Safety.ROBOT_EMERGENCY_STOP)
 SAFETY_BITS = {
     Safety.NORMAL: 0x001,
     Safety.REDUCED: 0x002,

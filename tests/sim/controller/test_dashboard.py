@@ -1,15 +1,22 @@
 """The dashboard, command by command, as the maker's manual has them."""
 
+import socket
+import time
+from contextlib import closing, suppress
+
 import pytest
 
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
 from sim.controller.dashboard import COMMANDS, LOCAL, Dashboard
+from sim.controller.external_control import LONGEST_PROGRAM, PORT
 from sim.controller.functions import script_functions
 from sim.robot import SimRobot
 from sim.scene import Scene
+from tests.sim.controller.served import address
 
+CLIENT = address(114)
 LOOP = "def wait():\nwhile True:\nsync()\nend\nend\n"
 
 
@@ -216,3 +223,106 @@ def test_in_local_mode_orders_are_refused_and_questions_answered(dashboard):
     }  # fmt: skip
     assert dashboard.answer("is in remote control") == "false"
     assert dashboard.controller.mode.name == "RUNNING"
+
+
+@pytest.fixture
+def client():
+    """Listens where whoever brings a program does."""
+    with socket.create_server((CLIENT, PORT)) as server:
+        server.settimeout(10)
+        yield server
+
+
+def press_play(dashboard):
+    assert dashboard.answer("load external_control.urp").startswith("Loading program")
+    assert dashboard.answer("play", CLIENT) == "Starting program"
+    cycles(dashboard, 2)
+
+
+def cycles(dashboard, count):
+    for _ in range(count):
+        dashboard.cycle()
+        dashboard.controller.cycle()
+
+
+def until(dashboard, happened):
+    """Take turns until it has."""
+    for _ in range(5000):
+        cycles(dashboard, 1)
+        if happened():
+            return
+        time.sleep(0.001)
+    raise AssertionError(dashboard.told)
+
+
+def asked(client):
+    """The controller's connection, once it has asked."""
+    peer, _ = client.accept()
+    assert peer.recv(100) == b"request_program\n"
+    return closing(peer)
+
+
+BROUGHT = """# HEADER_BEGIN
+def doubled(x):
+  return 2 * x
+end
+# HEADER_END
+write_output_integer_register(3, doubled(21))
+ok = socket_open("{}", {})
+write_output_boolean_register(4, ok)
+while True:
+  sync()
+end
+"""
+
+
+def test_a_client_brings_the_program_of_external_control(dashboard, client):
+    controller = dashboard.controller
+    press_play(dashboard)
+    with asked(client) as peer:
+        text = BROUGHT.format(CLIENT, PORT).encode()
+        peer.sendall(text[:50])
+        cycles(dashboard, 10)
+        peer.sendall(text[50:])
+        until(dashboard, lambda: controller.out_ints[3] == 42)
+    until(dashboard, lambda: controller.out_bits[4])
+    client.accept()[0].close()
+    ask(
+        dashboard,
+        [
+            ("programState", "PLAYING external_control.urp"),
+            ("get loaded program", "Loaded program: external_control.urp"),
+            ("load external_control.urp", "Error while loading program: external_control.urp"),
+            ("stop", "Stopped"),
+        ],
+    )
+    press_play(dashboard)
+    with asked(client) as peer:
+        peer.sendall(b"write_output_integer_register(3, 7)")
+        until(dashboard, lambda: controller.out_ints[3] == 7)
+
+
+def test_a_program_that_does_not_come_is_an_error_and_nothing_waits(dashboard):
+    controller = dashboard.controller
+    press_play(dashboard)
+    until(dashboard, lambda: controller.program_error)
+    assert f"nobody listens at port {PORT} of {CLIENT}" in controller.program_error
+    assert dashboard.answer("programState") == "STOPPED external_control.urp"
+
+
+@pytest.mark.parametrize("sent", [b"", b"x" * (LONGEST_PROGRAM + 1)], ids=["nothing", "too much"])
+def test_a_program_is_told_within_bounds(dashboard, client, sent):
+    controller = dashboard.controller
+    press_play(dashboard)
+    with asked(client) as peer:
+        peer.setblocking(False)
+
+        def over():
+            nonlocal sent
+            with suppress(OSError):  # the buffer is full, or the controller has hung up
+                sent = sent[peer.send(sent) :] if sent else sent
+            return controller.program_error
+
+        until(dashboard, over)
+    assert "expected a program of 1 to 1000000 bytes" in controller.program_error
+    assert controller.program is None

@@ -199,6 +199,7 @@ def test_torques_that_make_a_joint_too_fast_are_stopped(controller):
         ("5.22", "direct_torque([0,0,0,0,0,0])", False),
         ("5.25", "direct_torque([0,0,0,0,0,0])", True),
         ("5.25", "direct_torque([0,0,0,0,0,0], viscous_scale=[1,1,1,1,1,1])", False),
+        ("5.26", "direct_torque([0,0,0,0,0,0], viscous_scale=[1,1,1,1,1,1])", True),
         ("10.11", "direct_torque([0,0,0,0,0,0])", True),
     ],
 )
