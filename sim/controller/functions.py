@@ -20,7 +20,8 @@ from sim.controller.kinematics import inverse, reaching
 from sim.controller.math_functions import math_functions
 from sim.controller.motion_functions import motion_functions
 from sim.controller.operator_functions import operator_functions
-from sim.controller.outputs import TEMPERATURE
+from sim.controller.outputs import TEMPERATURE, Outputs
+from sim.controller.rpc_functions import rpc_functions
 from sim.controller.socket_functions import socket_functions
 from sim.controller.urscript.library import library
 from sim.controller.urscript.signature import (
@@ -40,8 +41,8 @@ from sim.controller.urscript.signature import (
     table,
     whole,
 )
-from sim.controller.urscript.values import Pose, ScriptError
-from sim.controller.variables import INPUTS
+from sim.controller.urscript.values import LARGEST_INTEGER, Pose, ScriptError
+from sim.controller.variables import INPUTS, OUTPUTS
 
 AT_REST = 1e-3
 """Joint speed below which the arm is steady [rad/s]."""
@@ -56,7 +57,10 @@ UPRIGHT = 0.02
 level."""
 Vector3 = Float[np.ndarray, "3"]
 Vector6 = Float[np.ndarray, "6"]
-INPUT = Kind("the name of an input", lambda value: value if value in INPUTS else REFUSED)
+OUTPUT = Kind(
+    "the name of an output", lambda v: v if isinstance(v, str) and v in OUTPUTS else REFUSED
+)
+INPUT = Kind("the name of an input", lambda v: v if isinstance(v, str) and v in INPUTS else REFUSED)
 
 
 def script_functions(controller: Controller) -> dict[str, Function]:
@@ -65,6 +69,7 @@ def script_functions(controller: Controller) -> dict[str, Function]:
         library(),
         motion_functions(controller),
         socket_functions(controller),
+        rpc_functions(controller),
         math_functions(),
         io_functions(controller),
         operator_functions(controller),
@@ -79,6 +84,11 @@ def script_functions(controller: Controller) -> dict[str, Function]:
 
 def _readings(controller: Controller) -> Iterable[Function]:
     robot, arm = controller.robot, controller.robot.calibration
+    outputs = Outputs(controller)
+
+    def output(key: str) -> Any:
+        values = outputs.reader([key])()
+        return tuple(values) if outputs.width(key) > 1 else values[0]
 
     def history(steps: int) -> tuple[float, ...]:
         return tuple(controller.history[max(-len(controller.history), -1 - steps)].tolist())
@@ -90,9 +100,7 @@ def _readings(controller: Controller) -> Iterable[Function]:
         return int(against > CONTACT_FORCE)
 
     def is_steady() -> bool:
-        return bool(
-            max(np.abs(controller.state.qd).max(), np.abs(robot.commanded[1]).max()) < AT_REST
-        )
+        return bool(np.abs([controller.state.qd, robot.commanded[1]]).max() < AT_REST)
 
     arrays: dict[str, Callable[[], np.ndarray]] = {
         "get_actual_joint_positions": lambda: controller.state.q,
@@ -115,26 +123,23 @@ def _readings(controller: Controller) -> Iterable[Function]:
     poses: dict[str, Callable[[], np.ndarray]] = {
         "get_actual_tcp_pose": lambda: controller.tool_pose(controller.state.q),
         **dict.fromkeys(
-            ("get_target_tcp_pose", "get_target_tcp_pose_along_path"),
+            ("get_target_tcp_pose", "get_target_tcp_pose_along_path", "tool_pose"),
             lambda: controller.tool_pose(robot.commanded[0]),
         ),
         "get_actual_tool_flange_pose": lambda: arm.forward(controller.state.q),
         "get_tcp_offset": lambda: controller.X_FT,
     }
-    yield from (
-        row(name, lambda read=read: tuple(read().tolist()), costly=True)
-        for name, read in arrays.items()
-    )
-    yield from (
-        row(name, lambda read=read: Pose.of(read()), costly=True) for name, read in poses.items()
-    )
+    for name, read in arrays.items():
+        yield row(name, lambda read=read: tuple(read().tolist()), costly=True)
+    for name, read in poses.items():
+        yield row(name, lambda read=read: Pose.of(read()), costly=True)
+    yield row("get_rtde_value", output, Parameter("key", OUTPUT), costly=True)
     yield row("get_steptime", lambda: PERIOD)
     yield from (row(name, lambda: TEMPERATURE) for name in ("get_controller_temp", "get_tool_temp"))
     yield row("get_joint_temp", lambda j: TEMPERATURE, Parameter("j", whole(0, 5)))
     yield row("get_tool_current", lambda: 0.0)
-    yield row(
-        "get_actual_joint_positions_history", history, Parameter("steps", whole(0, 2**31 - 1), 0)
-    )
+    steps = Parameter("steps", whole(0, LARGEST_INTEGER), 0)
+    yield row("get_actual_joint_positions_history", history, steps)
     yield row("force", lambda: float(np.linalg.norm(controller.tool_wrench_B()[:3])), costly=True)
     yield row("tool_contact", touches, Parameter("direction", JOINTS, np.zeros(6)), costly=True)
     yield row("is_steady", is_steady, costly=True)
@@ -167,30 +172,18 @@ def _settings(controller: Controller) -> Iterable[Function]:
         controller.protective_stop("the program asks for it")
         yield
 
-    yield row(
-        "set_tcp", set_tcp, Parameter("pose", POSE), Parameter("tcp_name", TEXT, ""), costly=True
-    )
+    pose, name = Parameter("pose", POSE), Parameter("tcp_name", TEXT, "")
+    yield row("set_tcp", set_tcp, pose, name, costly=True)
     yield row("set_payload", set_payload, mass, cog, inertia, costly=True)
-    yield row(
-        "set_target_payload",
-        set_payload,
-        mass,
-        cog,
-        inertia,
-        Parameter("transition_time", NUMBER, 0.0),
-        costly=True,
-    )
+    yield row("set_target_payload", set_payload, mass, cog, inertia,
+              Parameter("transition_time", NUMBER, 0.0), costly=True)  # fmt: skip
     yield row("get_target_payload", lambda: controller.payload.mass)
     yield row("get_target_payload_cog", lambda: tuple(controller.payload.centre_F.tolist()))
     yield row("get_target_payload_inertia", lambda: tuple(controller.inertia))
     yield row("zero_ftsensor", controller.zero_wrench)
-    yield row(
-        "rtde_set_watchdog",
-        set_watchdog,
-        Parameter("variable_name", INPUT),
-        Parameter("min_frequency", NUMBER),
-        Parameter("action", choice("ignore", "pause", "stop"), "pause"),
-    )
+    action = Parameter("action", choice("ignore", "pause", "stop"), "pause")
+    yield row("rtde_set_watchdog", set_watchdog, Parameter("variable_name", INPUT),
+              Parameter("min_frequency", NUMBER), action)  # fmt: skip
     yield row("protective_stop", protective_stop, waits=True)
 
 
@@ -217,12 +210,9 @@ def _without_effect() -> Iterable[Function]:
     )  # fmt: skip
     for name in ("ft_rtde_input_enable", "enable_external_ft_sensor"):
         yield row(name, refusing(name, "the sensor in the wrist is the only one"), *sensor)
-    yield row(
-        "position_deviation_warning",
-        refusing("position_deviation_warning", "warnings are not simulated, stops are"),
-        Parameter("enabled", CONDITION),
-        Parameter("threshold", NUMBER, 0.8),
-    )
+    warning, enabled = "position_deviation_warning", Parameter("enabled", CONDITION)
+    yield row(warning, refusing(warning, "warnings are not simulated, stops are"), enabled,
+              Parameter("threshold", NUMBER, 0.8))  # fmt: skip
     yield row("set_gravity", set_gravity, Parameter("d", VECTOR), costly=True)
     yield row("get_gravity", lambda: UP)
     yield row("get_base_acceleration", lambda: (0.0,) * 3)
@@ -232,12 +222,8 @@ def _without_effect() -> Iterable[Function]:
 
 def _kinematics(controller: Controller) -> Iterable[Function]:
     near, tcp = Parameter("qnear", JOINTS, None), Parameter("tcp", POSE, None)
-    finding = (
-        near,
-        Parameter("maxPositionError", NUMBER, 1e-10),
-        Parameter("maxOrientationError", NUMBER, 1e-10),
-        tcp,
-    )
+    finding = (near, Parameter("maxPositionError", NUMBER, 1e-10),
+               Parameter("maxOrientationError", NUMBER, 1e-10), tcp)  # fmt: skip
 
     def forward(q: Vector6 | None, tcp: Pose | None) -> Pose:
         joints = controller.state.q if q is None else q
@@ -251,28 +237,16 @@ def _kinematics(controller: Controller) -> Iterable[Function]:
         return bool(reaching(controller, with_active_tcp(x, finding[-1])).size)
 
     def is_within_limits(x: Pose | Vector6, *_: object) -> bool:
-        return (
-            has_solution(x, None) if isinstance(x, Pose) else bool(np.abs(x).max() <= ANGLE_LIMIT)
-        )
+        if isinstance(x, Pose):
+            return has_solution(x, None)
+        return bool(np.abs(x).max() <= ANGLE_LIMIT)
 
     def solve(x: Pose, qnear: Vector6 | None, *finding: Any) -> tuple[float, ...]:
         return tuple(inverse(controller, with_active_tcp(x, finding[-1]), qnear).tolist())
 
-    yield row(
-        "get_forward_kin",
-        forward,
-        Parameter("q", JOINTS, None),
-        tcp,
-        costly=True,
-    )
+    yield row("get_forward_kin", forward, Parameter("q", JOINTS, None), tcp, costly=True)
     yield row("get_inverse_kin", solve, Parameter("x", POSE), *finding, costly=True)
-    yield row(
-        "get_inverse_kin_has_solution", has_solution, Parameter("pose", POSE), *finding, costly=True
-    )
-    yield row(
-        "is_within_safety_limits",
-        is_within_limits,
-        Parameter("position", PLACE),
-        Parameter("qNear", JOINTS, None),
-        costly=True,
-    )
+    pose, position = Parameter("pose", POSE), Parameter("position", PLACE)
+    yield row("get_inverse_kin_has_solution", has_solution, pose, *finding, costly=True)
+    yield row("is_within_safety_limits", is_within_limits, position,
+              Parameter("qNear", JOINTS, None), costly=True)  # fmt: skip

@@ -111,11 +111,8 @@ def _analog(controller: Controller) -> Iterable[Function]:
     yield row("get_standard_analog_in", lambda n: controller.analog_inputs[n], n)
     yield row("get_tool_analog_in", lambda n: controller.analog_inputs[2 + n], n)
     yield row("get_analog_in", lambda n: controller.analog_inputs[n], Parameter("n", whole(0, 3)))
-    firsts = {
-        "set_standard_analog_input_domain": 0,
-        "set_analog_outputdomain": 2,
-        "set_tool_analog_input_domain": 4,
-    }
+    firsts = {"set_standard_analog_input_domain": 0, "set_analog_outputdomain": 2,
+              "set_tool_analog_input_domain": 4}  # fmt: skip
     yield from (row(name, set_domain(first), port, domain) for name, first in firsts.items())
 
 
@@ -160,13 +157,6 @@ def _settings(controller: Controller) -> Iterable[Function]:
     yield row("set_tool_digital_output_mode", nothing, n, mode)
     yield row("set_tool_output_mode", nothing, Parameter("mode", whole(0, 1)))
     yield row("set_input_actions_to_default", nothing)
-    yield row(
-        "set_tool_communication",
-        nothing,
-        Parameter("enabled", CONDITION),
-        Parameter("baud_rate", INTEGER),
-        Parameter("parity", whole(0, 2)),
-        Parameter("stop_bits", whole(1, 2)),
-        Parameter("rx_idle_chars", NUMBER),
-        Parameter("tx_idle_chars", NUMBER),
-    )
+    line = {"enabled": CONDITION, "baud_rate": INTEGER, "parity": whole(0, 2),
+            "stop_bits": whole(1, 2), "rx_idle_chars": NUMBER, "tx_idle_chars": NUMBER}  # fmt: skip
+    yield row("set_tool_communication", nothing, *(Parameter(*each) for each in line.items()))

@@ -44,20 +44,10 @@ def math_functions() -> Iterable[Function]:
 
 def _numbers() -> Iterable[Function]:
     x, y = Parameter("x", NUMBER), Parameter("y", NUMBER)
-    one = {
-        "sin": math.sin,
-        "cos": math.cos,
-        "tan": math.tan,
-        "asin": math.asin,
-        "acos": math.acos,
-        "atan": math.atan,
-        "sqrt": math.sqrt,
-        "floor": math.floor,
-        "ceil": math.ceil,
-        "d2r": math.radians,
-        "r2d": math.degrees,
-    }
-    yield from (row(name, compute, x) for name, compute in one.items())
+    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "floor", "ceil"):
+        yield row(name, getattr(math, name), x)
+    yield row("d2r", math.radians, x)
+    yield row("r2d", math.degrees, x)
     yield row("atan2", math.atan2, x, y)
     yield row("pow", math.pow, Parameter("base", NUMBER), Parameter("exponent", NUMBER))
     yield row("log", lambda b, f: math.log(f, b), Parameter("b", NUMBER), Parameter("f", NUMBER))
@@ -66,12 +56,7 @@ def _numbers() -> Iterable[Function]:
     yield row("normalize", _normalized, Parameter("v", LIST), costly=True)
     bits = Parameter("l", LIST)
     yield row("binary_list_to_integer", _from_bits, bits, costly=True)
-    yield row(
-        "integer_to_binary_list",
-        lambda x: tuple(bool(x >> i & 1) for i in range(BITS)),
-        Parameter("x", INTEGER),
-        costly=True,
-    )
+    yield row("integer_to_binary_list", _to_bits, Parameter("x", INTEGER), costly=True)
 
 
 def _norm(value: Value) -> float:
@@ -88,6 +73,10 @@ def _normalized(values: tuple) -> tuple:
     return tuple(value / length for value in values)
 
 
+def _to_bits(number: int) -> tuple[bool, ...]:
+    return tuple(bool(number >> i & 1) for i in range(BITS))
+
+
 def _from_bits(bits: tuple) -> int:
     number = sum(1 << i for i, bit in enumerate(bits[:BITS]) if truth(bit))
     return number if number <= LARGEST_INTEGER else number - 2**BITS
@@ -102,7 +91,7 @@ def _poses() -> Iterable[Function]:
 
     first, second = Parameter("p_1", POSE), Parameter("p_2", POSE)
     start, end = Parameter("p_from", POSE), Parameter("p_to", POSE)
-    step = Parameter("p_from_to", POSE)
+    step, wrench = Parameter("p_from_to", POSE), Parameter("w_from", JOINTS)
     rows: dict[str, tuple[Callable[..., Value], tuple[Parameter, ...]]] = {
         "pose_trans": (lambda a, b: Pose.of(a.matrix @ b.matrix), (start, step)),
         "pose_inv": (lambda a: Pose.of(se3.inverse(a.matrix)), (start,)),
@@ -113,14 +102,10 @@ def _poses() -> Iterable[Function]:
         "interpolate_pose": (_between, (start, end, Parameter("alpha", NUMBER))),
         "rotvec2rpy": (_to_rpy, (Parameter("rotation_vector", VECTOR),)),
         "rpy2rotvec": (_from_rpy, (Parameter("rpy_vector", VECTOR),)),
-        "wrench_trans": (
-            _moved_wrench,
-            (Parameter("T_from_to", POSE), Parameter("w_from", JOINTS)),
-        ),
+        "wrench_trans": (_moved_wrench, (Parameter("T_from_to", POSE), wrench)),
     }
-    yield from (
-        row(name, compute, *parameters, costly=True) for name, (compute, parameters) in rows.items()
-    )
+    for name, (compute, parameters) in rows.items():
+        yield row(name, compute, *parameters, costly=True)
 
 
 def _pose_distance(a: Pose, b: Pose) -> float:

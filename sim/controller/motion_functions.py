@@ -64,45 +64,27 @@ def motion_functions(controller: Controller) -> Iterable[Function]:
     share_a, share_v = Parameter("a", FRACTION, 0.3), Parameter("v", FRACTION, 0.3)
     t, r = Parameter("t", NUMBER, 0.0), Parameter("r", NUMBER, 0.0)
     until, rotation_a = Parameter("t", NUMBER, None), Parameter("aRot", POSITIVE, None)
-    unused_a, unused_v = Parameter("a", NUMBER, 0.0), Parameter("v", NUMBER, 0.0)
     place, goal = Parameter("pose", PLACE), Parameter("goal", PLACE)
+    via, to = Parameter("pose_via", PLACE), Parameter("pose_to", PLACE)
     mode = Parameter("mode", whole(0, 1), 0)
+    qd, xd = Parameter("qd", JOINTS), Parameter("xd", JOINTS)
+    speed_a, line_a = Parameter("a", POSITIVE, 1.4), Parameter("a", POSITIVE, 1.2)
+    following = (
+        Parameter("q", JOINTS), Parameter("a", NUMBER, 0.0), Parameter("v", NUMBER, 0.0),
+        Parameter("t", NUMBER, PERIOD), Parameter("lookahead_time", NUMBER, 0.1),
+        Parameter("gain", NUMBER, 300.0),
+    )  # fmt: skip
     rows = (
         row("movej", moves.movej, Parameter("q", PLACE), joint_a, joint_v, t, r),
         row("movel", moves.movel, place, tool_a, tool_v, t, r),
         row("movep", moves.movep, place, tool_a, tool_v, r),
         row("servoc", moves.movep, place, tool_a, tool_v, r),
-        row(
-            "movec",
-            moves.movec,
-            Parameter("pose_via", PLACE),
-            Parameter("pose_to", PLACE),
-            tool_a,
-            tool_v,
-            r,
-            mode,
-        ),
+        row("movec", moves.movec, via, to, tool_a, tool_v, r, mode),
         row("optimovej", moves.optimovej, goal, share_a, share_v, r),
         row("optimovel", moves.optimovel, goal, share_a, share_v, r),
-        row(
-            "servoj",
-            moves.servoj,
-            Parameter("q", JOINTS),
-            unused_a,
-            unused_v,
-            Parameter("t", NUMBER, PERIOD),
-            Parameter("lookahead_time", NUMBER, 0.1),
-            Parameter("gain", NUMBER, 300.0),
-        ),
-        row("speedj", moves.speedj, Parameter("qd", JOINTS), Parameter("a", POSITIVE, 1.4), until),
-        row(
-            "speedl",
-            moves.speedl,
-            Parameter("xd", JOINTS),
-            Parameter("a", POSITIVE, 1.2),
-            until,
-            rotation_a,
-        ),
+        row("servoj", moves.servoj, *following),
+        row("speedj", moves.speedj, qd, speed_a, until),
+        row("speedl", moves.speedl, xd, line_a, until, rotation_a),
         row("stopj", moves.stopj, Parameter("a", NUMBER, 2.0)),
         row("stopl", moves.stopl, Parameter("a", NUMBER, 1.2), rotation_a),
         *direct_torque(controller),
@@ -120,7 +102,7 @@ def _sync() -> Wait:
 
 def sleep(seconds: float) -> Wait:
     """Wait so long, for a period at least."""
-    for _ in range(max(round(min(seconds, LONGEST_SLEEP) / PERIOD), 1)):
+    for _ in range(round(min(max(seconds, PERIOD), LONGEST_SLEEP) / PERIOD)):
         yield
 
 
@@ -155,7 +137,9 @@ class _Moves:
         yield from self._travel(self._joint_line(q), _pace(a, v, t), r)
 
     def movel(self, x: Pose | Vector6, a: float, v: float, t: float, r: float) -> Wait:
-        """Straight in space."""
+        """Straight in space, as far as the arm goes: a program that moves until the tool meets
+        something asks for a kilometre.
+        """
         yield from self._travel(self._straight_line(x), _pace(a, v, t), r)
 
     def movep(self, x: Pose | Vector6, a: float, v: float, r: float) -> Wait:
@@ -188,6 +172,7 @@ class _Moves:
 
     def optimovel(self, x: Pose | Vector6, a: float, v: float, r: float) -> Wait:
         """A movel, likewise; the joint that moves most along the line says how fast it can be."""
+        inverse(self._controller, Pose.of(self._tool_pose(x)))
         line = self._straight_line(x)
         most = line(self._start, Pace(1.0, 1.0)).joint_travel_a_unit()
         pace = Pace(v * SPEED_LIMIT / most, a * OPTIMOVE_ACCELERATION / most)
@@ -263,13 +248,8 @@ class _Moves:
             yield
 
     def _tool_speed(self, xd: Vector6, a: float, rotation_a: float | None) -> ToolSpeed:
-        return ToolSpeed(
-            self._robot.calibration,
-            self._controller.X_FT,
-            xd,
-            a,
-            a if rotation_a is None else rotation_a,
-        )
+        arm, rotation_a = self._robot.calibration, a if rotation_a is None else rotation_a
+        return ToolSpeed(arm, self._controller.X_FT, xd, a, rotation_a)
 
     def _speed_of_tool(self) -> Vector6:
         return self._controller.tool_speed(*self._robot.commanded)
@@ -285,7 +265,6 @@ class _Moves:
 
     def _straight_line(self, x: Pose | Vector6) -> Line:
         X_BT, X_FT = self._tool_pose(x), self._controller.X_FT
-        inverse(self._controller, Pose.of(X_BT))
         arm = self._robot.calibration
         return lambda start, pace: motion.straight_travel(arm, start, X_BT, X_FT, pace)
 

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Generator, Iterable
+from functools import partial
 from typing import Any
 
 from breastscan.robot.ur.ur5e import PERIOD
@@ -26,6 +27,8 @@ CONNECT_TIME = 2.0
 """After which an attempt to connect has failed [s]."""
 ANSWER_TIME = 2.0
 """The same for the answer to `socket_get_var` [s]."""
+LONGEST_TIMEOUT = 1e6
+"""From which on a read waits without end [s]."""
 MOST_NUMBERS = 30
 """That are read at once."""
 INTEGERS = 4
@@ -41,25 +44,13 @@ def socket_functions(controller: Controller) -> Iterable[Function]:
     name = Parameter("socket_name", TEXT, "socket_0")
     timeout = Parameter("timeout", NUMBER, 2.0)
     number = Parameter("number", whole(1, MOST_NUMBERS))
-    variable = Parameter("name", TEXT)
-
-    def open_(address: str, port: int, name: str) -> Reading:
-        connection = sockets.begin(name, address, port, controller.program_from)
-        yield
-        for _ in range(round(CONNECT_TIME / PERIOD)):
-            connected = sockets.is_connected(connection)
-            if connected is not None:
-                break
-            yield
-        else:
-            connected = False
-        if not connected:
-            sockets.close(name)
-        return connected
+    variable, escape = Parameter("name", TEXT), Parameter("interpret_escape", CONDITION, False)
+    prefix, suffix = Parameter("prefix", TEXT, ""), Parameter("suffix", TEXT, "")
+    address, port = Parameter("address", TEXT), Parameter("port", whole(1, 65535))
 
     def read(name: str, take: Take, timeout: float, failed: Value) -> Reading:
         """Until there is enough, or the time is over: a time of 0 never is."""
-        periods = round(timeout / PERIOD) if timeout > 0 else math.inf
+        periods = round(timeout / PERIOD) if 0 < timeout < LONGEST_TIMEOUT else math.inf
         try:
             while (value := sockets.read(name, take)) is None and periods > 0:
                 if timeout > 0:
@@ -123,7 +114,7 @@ def socket_functions(controller: Controller) -> Iterable[Function]:
         "socket_send_line": (lambda s: _bytes(as_text(s) + "\n"), (Parameter("str", ANYTHING),)),
         "socket_send_string": (lambda s: _bytes(as_text(s)), (Parameter("str", ANYTHING),)),
         "socket_set_var": (
-            lambda variable, v: _bytes(f"SET {variable} {v}\n"),
+            lambda name, v: _bytes(f"SET {name} {v}\n"),
             (variable, Parameter("value", INTEGER)),
         ),
     }
@@ -132,28 +123,28 @@ def socket_functions(controller: Controller) -> Iterable[Function]:
         row("socket_read_binary_integer", numbers(INTEGERS, "i"), number, name, timeout),
         row("socket_read_byte_list", numbers(1, "B"), number, name, timeout),
         row("socket_read_line", read_line, name, timeout),
-        row(
-            "socket_read_string",
-            read_string,
-            name,
-            Parameter("prefix", TEXT, ""),
-            Parameter("suffix", TEXT, ""),
-            Parameter("interpret_escape", CONDITION, False),
-            timeout,
-        ),
+        row("socket_read_string", read_string, name, prefix, suffix, escape, timeout),
         row("socket_get_var", get_variable, variable, name),
-        row(
-            "socket_open",
-            open_,
-            Parameter("address", TEXT),
-            Parameter("port", whole(1, 65535)),
-            name,
-        ),
+        row("socket_open", partial(connected, controller), address, port, name),
     )
     yield from (row(r.name, r.call, *r.parameters, waits=True) for r in reads)
     for function, (encode, values) in sent.items():
         yield row(function, send(encode), *values, name, costly=True)
     yield row("socket_close", sockets.close, name, costly=True)
+
+
+def connected(controller: Controller, address: str, port: int, name: str) -> Reading:
+    """Open a socket; whether it is open then."""
+    sockets, is_connected = controller.sockets, None
+    connection = sockets.begin(name, address, port, controller.program_from)
+    for _ in range(round(CONNECT_TIME / PERIOD)):
+        yield
+        is_connected = sockets.is_connected(connection)
+        if is_connected is not None:
+            break
+    if not is_connected:
+        sockets.close(name)
+    return bool(is_connected)
 
 
 def _between(prefix: bytes, suffix: bytes) -> Take:

@@ -149,8 +149,8 @@ def _permitted(address: str, sender: str) -> str:
         permitted = False
     if not permitted:
         raise ScriptError(
-            f"socket_open: the twin connects to the machine that sent the program ({sender}), by "
-            f"its address in numbers, and to no other, got {shown(address)}",
+            "socket_open and rpc_factory connect to the machine that sent the program "
+            f"({sender}), by its address in numbers, and to no other, got {shown(address)}",
             address,
         )
     return text

@@ -11,12 +11,13 @@ from typing import Any
 
 from sim.controller.urscript import syntax
 from sim.controller.urscript.code import Evaluate, Writer
-from sim.controller.urscript.library import METHODS, Method, without_method
+from sim.controller.urscript.library import METHODS, Method
 from sim.controller.urscript.operators import BINARY, UNARY
 from sim.controller.urscript.program import UNSET, Slots, Thread
 from sim.controller.urscript.signature import REFUSED, REQUIRED, Function, Parameter
 from sim.controller.urscript.syntax import Expression, variable_of
 from sim.controller.urscript.values import (
+    Remote,
     ScriptError,
     Value,
     element,
@@ -217,11 +218,25 @@ class Expressions:
             return self._change(call, method)
         value, *arguments = self.values((call.value, *call.arguments))
         if method is None:
-            # which value it is asked of, only the running program knows
-            return lambda slots: without_method(value(slots), name)
+            return self._remote(name, value, arguments)
         return lambda slots: method.apply(
             name, value(slots), [argument(slots) for argument in arguments]
         )
+
+    def _remote(self, name: str, value: Evaluate, arguments: Sequence[Evaluate]) -> Evaluate:
+        """A call of a server's function: which value is a handle, only the running program
+        knows.
+        """
+        at, following = self._writer.new_slot(), self._writer.following
+
+        def step(slots: Slots, thread: Thread) -> int:
+            server, given = value(slots), [argument(slots) for argument in arguments]
+            if not isinstance(server, Remote):
+                raise ScriptError(f"{shown(server)} has no method {shown(name)}", server)
+            return thread.wait(server.call(name, given), following, at)
+
+        self._writer.emit(step)
+        return lambda slots: slots[at]
 
     def _change(self, call: syntax.MethodCall, method: Method) -> Evaluate:
         """Of the variable that a method stands behind, or of a part of it."""
@@ -365,7 +380,7 @@ class Expressions:
         """Whether a call may wait, run long, or change a variable."""
         if isinstance(call, syntax.MethodCall):
             method = METHODS.get(call.name)
-            return method is not None and method.changes
+            return method is None or method.changes
         scope = self._scope.visible.get(call.name)
         if call.run or scope is not None:
             return call.run or scope is None or self._formula(scope) is None

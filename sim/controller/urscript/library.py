@@ -46,7 +46,7 @@ from sim.controller.urscript.values import (
 
 PRINTABLE = Kind(
     "a string, a number, a boolean, a pose or a list of them",
-    lambda value: REFUSED if kind(value) in ("struct", "none", "thread") else value,
+    lambda value: REFUSED if kind(value) in ("struct", "none", "thread", "handle") else value,
 )
 SIZED = Kind(
     "a list or a string", lambda value: value if isinstance(value, tuple | str) else REFUSED
@@ -157,17 +157,8 @@ class Method:
             ScriptError: The value has no such method, or not with these arguments.
         """
         if ("matrix" if is_matrix(value) else kind(value)) not in self.kinds:
-            without_method(value, name)
+            raise ScriptError(f"{shown(value)} has no method {shown(name)}", value)
         return self.compute(value, *arguments)
-
-
-def without_method(value: Value, name: str) -> Value:
-    """What comes of a method that a value does not have.
-
-    Raises:
-        ScriptError: Always.
-    """
-    raise ScriptError(f"{shown(value)} has no method {shown(name)}", value)
 
 
 def _shape(values: Value) -> Value:

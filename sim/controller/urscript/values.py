@@ -6,7 +6,7 @@ All have bounds, as on a controller that allocates nothing while it runs.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,6 +85,18 @@ class Struct:
     """Values with names [UR-script, "Lists and Structs"]."""
 
     members: Mapping[str, Value]
+
+
+@dataclass(frozen=True, eq=False)
+class Remote:
+    """A server whose functions a program calls as methods."""
+
+    url: str
+    call: Callable[[str, Sequence[Value]], Generator[None, None, Value]]
+    """Of a function's name and its arguments; waits for what comes of it."""
+
+    def __str__(self) -> str:
+        return self.url
 
 
 COMPOUND = LISTS | {Struct}
@@ -280,6 +292,7 @@ def kind(value: Value) -> str:
 _KINDS = {
     int: "number", float: "number", bool: "bool", str: "string", type(None): "none",
     tuple: "list", List: "list", Pose: "pose", Struct: "struct",
+    Remote: "handle",
 }  # fmt: skip
 
 

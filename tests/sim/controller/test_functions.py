@@ -8,6 +8,7 @@ from breastscan.geometry import se3
 from sim.controller.functions import script_functions
 from sim.controller.messages import Key, Popup, Text
 from sim.controller.states import RobotMode, Runtime
+from sim.controller.urscript.signature import ANYTHING
 from sim.controller.urscript.values import Pose
 from sim.scene import Scene
 from tests.sim.controller.programs import refusal, run_to_end, switched_on
@@ -197,3 +198,41 @@ def test_the_inverse_of_another_tools_pose(controller):
 def test_no_two_subjects_have_the_same_function(controller):
     names = list(script_functions(controller))
     assert len(names) > 130
+
+
+def test_an_output_is_read_by_the_name_that_rtde_has_for_it(controller):
+    body = (
+        'q = get_rtde_value("actual_q")\nd = norm(q - get_actual_joint_positions())\n'
+        'write_output_float_register(0, d)\nif get_rtde_value("runtime_state") == 2 and '
+        "tool_pose() == get_target_tcp_pose():\nset_flag(0, True)\nend"
+    )
+    run_to_end(controller, body)
+    assert controller.out_doubles[0] == 0.0
+    assert controller.flags == 1
+    assert "the name of an output" in refusal(controller, 'x = get_rtde_value("nonsense")')
+
+
+def test_a_straight_move_goes_as_far_as_the_arm_does(controller):
+    """PolyScope's moves until contact ask for a kilometre."""
+    run_to_end(
+        controller,
+        "thread go():\nmovel(pose_add(get_target_tcp_pose(), p[0, 0, 1000, 0, 0, 0]), v=0.1)\nend\n"
+        "z = get_target_tcp_pose()\nt = run go()\nsleep(1.0)\nkill t\nstopl(2.0)\n"
+        "write_output_float_register(0, point_dist(z, get_target_tcp_pose()))",
+    )
+    assert controller.out_doubles[0] == pytest.approx(0.1, abs=0.02)
+
+
+def test_no_function_takes_what_it_does_not_name(controller):
+    """Whatever an argument is, the error says whose it is."""
+    body = "def main():\nx = struct(a=1)\n{}({})\nend"
+    for name, function in controller.functions.items():
+        parameters = [p for p in function.parameters if p.kind is not ANYTHING]
+        if not parameters:
+            continue
+        given = ", ".join(f"{p.name}=x" for p in function.parameters)
+        controller.program_error = ""
+        controller.run(body.format(name, given))
+        for _ in range(5):
+            controller.cycle()
+        assert f"{name}: {parameters[0].name} is " in controller.program_error
