@@ -300,9 +300,11 @@ class Controller:
             brake = Braking(self.robot, SAFE_DECELERATION)
             self.motion = Yielding(self.robot) if cause in PRESSED else brake
 
-    def unlock(self) -> bool:
-        """End a protective stop that is old enough."""
-        if self.safety is Safety.PROTECTIVE_STOP and self.time - self._stopped_at < UNLOCK_AFTER:
+    def unlock(self, after: float = UNLOCK_AFTER) -> bool:
+        """End a protective stop that is old enough [s]; a script port does not wait, which no
+        manual says and the maker's clients rely on.
+        """
+        if self.safety is Safety.PROTECTIVE_STOP and self.time - self._stopped_at < after:
             return False
         if self.safety is Safety.PROTECTIVE_STOP:
             self._clear()
@@ -609,7 +611,7 @@ _COMMANDS: dict[str, Callable[[Controller], object]] = {
     "stop program": lambda controller: controller.stop_program("a script port"),
     "pause program": Controller.pause,
     "resume program": Controller.resume,
-    "set unlock protective stop": Controller.unlock,
+    "set unlock protective stop": lambda controller: controller.unlock(after=0.0),
     "power on": lambda controller: controller.power(RobotMode.IDLE),
     "power off": lambda controller: controller.power(RobotMode.POWER_OFF),
     "set robotmode run": lambda controller: controller.power(RobotMode.RUNNING),

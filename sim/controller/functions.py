@@ -5,7 +5,7 @@ A name that no row has is refused where a program calls it. `motion_functions` h
 time.
 """
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -168,10 +168,6 @@ def _settings(controller: Controller) -> Iterable[Function]:
         else:
             controller.arm_watchdog(variable, 1 / min_frequency, stops=action == "stop")
 
-    def protective_stop() -> Generator[None, None, None]:
-        controller.protective_stop("the program asks for it")
-        yield
-
     pose, name = Parameter("pose", POSE), Parameter("tcp_name", TEXT, "")
     yield row("set_tcp", set_tcp, pose, name, costly=True)
     yield row("set_payload", set_payload, mass, cog, inertia, costly=True)
@@ -184,7 +180,11 @@ def _settings(controller: Controller) -> Iterable[Function]:
     action = Parameter("action", choice("ignore", "pause", "stop"), "pause")
     yield row("rtde_set_watchdog", set_watchdog, Parameter("variable_name", INPUT),
               Parameter("min_frequency", NUMBER), action)  # fmt: skip
-    yield row("protective_stop", protective_stop, waits=True)
+    yield row(
+        "protective_stop",
+        lambda: controller.protective_stop("the program asks for it"),
+        costly=True,
+    )
 
 
 def _without_effect() -> Iterable[Function]:

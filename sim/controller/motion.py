@@ -15,7 +15,7 @@ from breastscan.geometry.kinematics import singularity_measure
 from breastscan.robot.joint_motion import NEGLIGIBLE_DISTANCE, braking
 from breastscan.robot.ur.targets import SPEED_TOLERANCE
 from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
-from sim.controller.curves import BACK, BISECTIONS, STRAIGHT, Circle, Pace, arc, parabola
+from sim.controller.curves import BACK, BISECTIONS, RAMP, STRAIGHT, Circle, Pace, arc, parabola
 from sim.controller.states import Cause
 from sim.robot import SimRobot
 
@@ -264,6 +264,17 @@ class Travel:
         rest = self._length - covered
         self._law = self._pace.law(rest, self._length, corner.end_speed)
         return self
+
+    @property
+    def hurry(self) -> float:
+        """Of the time that it is given, how much it takes at least: what is too short is stretched,
+        and nothing stops [-].
+        """
+        if self._law is None or not self._pace.seconds > 0:
+            return 1.0
+        speed = self._pace.top_speed(self._length) * self.joint_travel_a_unit()
+        change = speed / (RAMP * self._pace.seconds)
+        return max(speed / SPEED_LIMIT, float(np.sqrt(change / LARGEST_ACCELERATION)))
 
     def joint_travel_a_unit(self) -> float:
         """Of the joint that moves most along its length [rad/m, or 1]."""

@@ -3,6 +3,7 @@ and those that wait.
 """
 
 from collections.abc import Callable, Generator, Iterable
+from dataclasses import replace
 from functools import wraps
 from typing import Any
 
@@ -52,6 +53,8 @@ OPTIMOVE_ACCELERATION = 14.0
 """Of the leading joint, where a program asks for all of it [rad/s^2]: assumed."""
 SLOWEST_STOP = 0.1
 """Deceleration of the leading joint that a stop has at least [rad/s^2]."""
+ROUNDING = 1e-9
+"""[s]"""
 LONGEST_SLEEP = 1e6
 """[s]"""
 
@@ -130,6 +133,9 @@ class _Moves:
 
     def __init__(self, controller: Controller) -> None:
         self._controller, self._robot = controller, controller.robot
+        self._ahead = 0.0
+        """By which the last speed lasted too long, in whole periods: the next one makes up for it
+        [s]."""
 
     def movej(self, x: Pose | Vector6, a: float, v: float, t: float, r: float) -> Wait:
         """Straight in joint space."""
@@ -210,7 +216,7 @@ class _Moves:
         controller, robot = self._controller, self._robot
         controller.motion = JointSpeed(qd, a)
         if t is not None:
-            yield from sleep(t)
+            yield from self._last(t)
             return
         yield
         while np.abs(robot.commanded[1] - controller.scaling * qd).max() > REACHED:
@@ -221,11 +227,22 @@ class _Moves:
         controller = self._controller
         controller.motion = self._tool_speed(xd, a, rotation_a)
         if t is not None:
-            yield from sleep(t)
+            yield from self._last(t)
             return
         yield
         while np.abs(self._speed_of_tool() - controller.scaling * xd).max() > TOOL_REACHED:
             yield
+
+    def _last(self, seconds: float) -> Wait:
+        """So long at full speed, longer where the motion is slowed down: a client's spline is then
+        followed at any speed.
+        """
+        controller = self._controller
+        left = max(min(seconds, LONGEST_SLEEP), PERIOD) + self._ahead
+        while left > ROUNDING:
+            yield
+            left -= PERIOD * controller.scaling * controller.supervision.pace
+        self._ahead = left
 
     def stopj(self, a: float) -> Wait:
         """To rest."""
@@ -289,6 +306,9 @@ class _Moves:
         def plan() -> Travel:
             before = self._taken_over
             travel = line(self._start, pace)
+            late = travel.hurry
+            if late > 1:
+                travel = line(self._start, replace(pace, seconds=late * pace.seconds))
             if r > 0 and not travel.blend(r, steady=steady):
                 half = f"a blend of {r:g} m ends half-way to the next waypoint"
                 controller.messages.append(Text(f"Overlapping Blends: {half}"))

@@ -29,7 +29,8 @@ TORQUE_CONSTANT = 10.0
 """Joint torque over motor current [N m/A], roughly."""
 TOOL_RUNNING = 253
 """Of `tool_mode`."""
-POSITION, FREEDRIVE, FORCE = 0, 1, 2
+POSITION, FREEDRIVE = 0, 1
+FORCE = 2
 """Of the control mode."""
 CONSTANT = "="
 """Begins the name of what always has one value, as `=0`."""

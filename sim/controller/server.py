@@ -57,11 +57,16 @@ class Stream:
         self._every = round(FREQUENCY / rate)
         self._controller, self._pack = controller, pack
         self._period, self._package = -1, b""
+        self._safety = controller.safety
 
     @property
     def due(self) -> bool:
-        """Whether one is sent in this period."""
-        return self._controller.periods % self._every == 0
+        """Whether one is sent in this period; at once where the safety mode has changed, so that
+        no message is ahead of the state (assumed).
+        """
+        changed = self._safety is not self._controller.safety
+        self._safety = self._controller.safety
+        return changed or self._controller.periods % self._every == 0
 
     def send(self, client: Client) -> None:
         """Send this period's."""
@@ -133,8 +138,6 @@ class Server:
         )
         self._dashboard.cycle()
         self.controller.cycle()
-        while self.controller.messages:
-            self._announce(self.controller.messages.popleft())
         for client in clients:
             self._guarded(client, self._publish)
             if client.is_stuck:
@@ -143,6 +146,8 @@ class Server:
             if stream.due and not self._faults.silent:
                 for client in self._clients(*stream.ports):
                     self._guarded(client, stream.send)
+        while self.controller.messages:
+            self._announce(self.controller.messages.popleft())
 
     def _publish(self, client: Client) -> None:
         if client.rtde is None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any
 
-from sim.controller.urscript.values import ScriptError, Value, shown
+from sim.controller.urscript.values import ScriptError, Value
 
 PERIOD_STEPS = 3000
 """Of all threads in a period: about half of it, if nothing in them is costly."""
@@ -260,14 +260,8 @@ class Thread:
         return self.alive
 
     def join(self, thread: Value) -> Generator[None, None, None]:
-        """Wait for a thread's end.
-
-        Raises:
-            ScriptError: It is none.
-        """
-        if not isinstance(thread, Thread):
-            raise ScriptError(f"join takes a thread, got {shown(thread)}", thread)
-        while thread.alive:
+        """Wait for a thread's end, where it is one: clients in use join what they have not run."""
+        while isinstance(thread, Thread) and thread.alive:
             yield
 
     def critical(self, inside: bool) -> None:
@@ -291,7 +285,9 @@ class Thread:
         return self._code.lines[self._at]
 
     def _waited(self) -> bool:
-        """Whether it can go on: it neither has ended nor waits for the next period."""
+        """Whether it can go on: it neither has ended nor waits for the next period, nor has it
+        brought a stop about.
+        """
         if self._waiting is not None:
             try:
                 next(self._waiting)
@@ -300,7 +296,7 @@ class Thread:
                 self._waiting, self._at = None, self._back
                 self._slots[self._result] = done.value
                 self._hold(self._critical)
-        return self.alive
+        return self.alive and not self._program.suspended
 
     def _go(self, max_steps: int) -> int:
         """So many steps at most, up to a wait. How many were taken."""

@@ -75,6 +75,41 @@ def test_nothing_moves_the_arm_during_a_protective_stop(controller):
     assert np.abs(controller.robot.commanded[0] - before).max() < 1e-12
 
 
+def test_a_speed_lasts_longer_where_the_arm_is_slowed_down(controller):
+    body = "i = 0\nwhile i < 500:\nspeedj([0, 0, 0, 0, 0, -0.5], 1000, 0.002)\ni = i + 1\nend"
+    moved = []
+    for slider in (1.0, 0.5):
+        controller.slider = controller.scaling = slider
+        before = controller.robot.commanded[0][5]
+        run(controller, body, 1.5 / slider)
+        moved.append(controller.robot.commanded[0][5] - before)
+    assert moved == pytest.approx([-0.5, -0.5], abs=0.02)
+
+
+def test_a_time_that_is_too_short_is_stretched_and_what_is_out_of_reach_stops(controller):
+    assert run(controller, "q = get_target_joint_positions()\nq[5] = q[5] - 1\n"
+               "movej(q, t=0.01)", 2.0) <= SPEED_LIMIT  # fmt: skip
+    assert controller.safety is Safety.NORMAL
+    run(controller, "movel(p[10, 0, 0, 0, 0, 0])", 0.1)
+    assert controller.safety is Safety.PROTECTIVE_STOP
+    controller.run("set unlock protective stop")
+    assert controller.safety is Safety.NORMAL
+
+
+def test_a_secondary_program_can_stop_the_arm_and_no_statement_follows_a_stop(controller):
+    run(controller, "protective_stop()\nwrite_output_integer_register(0, 1)\nsync()", 0.1)
+    assert controller.runtime is Runtime.PAUSED
+    assert controller.out_ints[0] == 0
+    for _ in range(round(5.0 / PERIOD)):
+        controller.cycle()
+    assert controller.unlock()
+    assert controller.resume()
+    controller.run("sec stop():\nprotective_stop()\nend")
+    for _ in range(10):
+        controller.cycle()
+    assert controller.safety is Safety.PROTECTIVE_STOP
+
+
 def test_a_joint_is_stopped_at_the_end_of_its_range_and_may_come_back(controller):
     run(controller, "speedj([0, 0, 0, 0, 0, 2], 10, 10)", 6.0)
     assert controller.safety is Safety.PROTECTIVE_STOP
