@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from breastscan import approach
 from breastscan.control import contact, monitor, phases, safety, selection, tilt
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.lag import LagEstimate
@@ -38,21 +39,11 @@ from breastscan.robot.interface import Robot
 from breastscan.robot.standing import StandingRobot
 from breastscan.run.trajectory import RESUME, Sample
 
-TRANSFER_SPEED = 0.6
-"""Top joint speed of the free motions to and from the breast [rad/s]."""
-TRANSFER_ACCELERATION = 0.8
-"""Joint acceleration of the free motions [rad/s^2]."""
 PROGRESS_EVERY = 250
 """Control periods between two reports of progress."""
 REFUSALS = 25
 """Refused commands in a row after which a retreat is given up: the robot does not take commands
 again."""
-NEAR = 0.05
-"""Joint distance within which a robot still stands where an earlier scan left it [rad]."""
-BESIDE_STEP = 25
-"""Rows from one place of the path to the next at which a robot is looked for."""
-HOP_LENGTH = 0.025
-"""Of a free motion above the path [m], which the skin does not meet."""
 
 
 def execute(
@@ -112,81 +103,15 @@ def execute(
             robot.stop()
             raise cycle.error
 
-    beside = _beside(robot, motion)
-    q_park = beside.q_lifted if beside is not None and beside.touching else robot.state().q
-    above = _go_above(robot, motion, beside, start)
+    place = approach.place(robot, motion)
+    q_park = place.q_lifted if place is not None and place.touching else robot.state().q
+    above = approach.go_above(robot, motion, place, start)
     if above < start:
         to_start = PathSection(start, start, in_air=True, clearance=motion.clearance)
         follow(to_start, above, lambda fraction: None)
     follow(PathSection(len(motion.q) - 1, start, in_air, motion.clearance), start, progress)
-    robot.move_joint(q_park if q_home is None else q_home, TRANSFER_SPEED, TRANSFER_ACCELERATION)
+    approach.transfer(robot, q_park if q_home is None else q_home)
     return log
-
-
-@dataclass(frozen=True)
-class _Beside:
-    """Where an earlier scan has left the arm: on the path, or above it."""
-
-    row: int
-    """Of the plan, the nearest."""
-    q_lifted: Float[np.ndarray, "6"]
-    """Joint angles clear of the skin above it [rad]."""
-    touching: bool
-    """Whether the probe is nearer to the skin there than to being clear of it."""
-
-
-def _beside(robot: Robot, motion: Motion) -> _Beside | None:
-    """Where on the plan a robot stands; None for anywhere else."""
-    q, last = robot.state().q, len(motion.q) - 1
-    rows = np.array([*range(0, last, BESIDE_STEP), last])
-    lifted = np.array([motion.lifted(row, robot.X_FP, robot.calibration) for row in rows.tolist()])
-    distance = np.stack([np.abs(motion.q[rows] - q), np.abs(lifted - q)]).max(axis=2).min(axis=0)
-    nearest = int(np.nan_to_num(distance, nan=np.inf).argmin())
-    if not distance[nearest] < NEAR:
-        return None
-    row = _row_under(robot, motion, int(rows[nearest]))
-    q_lifted = motion.lifted(row, robot.X_FP, robot.calibration)
-    if np.isnan(q_lifted).any():
-        return None
-    on_path, above = (float(np.abs(q - other).max()) for other in (motion.q[row], q_lifted))
-    return _Beside(row, q_lifted, touching=on_path < above)
-
-
-def _row_under(robot: Robot, motion: Motion, near: int) -> int:
-    """The row whose place on the path the probe's axis passes, near another one."""
-    first = max(near - 2 * BESIDE_STEP, 0)
-    X_BP = robot.calibration.forward(robot.state().q) @ robot.X_FP
-    path = motion.q[first : near + 2 * BESIDE_STEP + 1]
-    offset = (robot.calibration.forward(path) @ robot.X_FP)[:, :3, 3] - X_BP[:3, 3]
-    across = offset - np.outer(offset @ X_BP[:3, 2], X_BP[:3, 2])
-    return first + int(np.linalg.norm(across, axis=1).argmin())
-
-
-def _go_above(robot: Robot, motion: Motion, beside: _Beside | None, start: int) -> int:
-    """Bring the probe clear of the skin above the row at which contact is to be made, or above one
-    from which the path leads there; which one.
-    """
-
-    def move(q: Float[np.ndarray, "6"]) -> None:
-        robot.move_joint(q, TRANSFER_SPEED, TRANSFER_ACCELERATION)
-
-    def lifted(row: int) -> Float[np.ndarray, "6"]:
-        return motion.lifted(row, robot.X_FP, robot.calibration)
-
-    if beside is not None and (start > 0 or beside.touching):
-        move(beside.q_lifted)  # up the normal
-        way = float(motion.s[start] - motion.s[beside.row])
-        if way > HOP_LENGTH:
-            return beside.row
-        hops = math.ceil(abs(way) / HOP_LENGTH)
-        for row in np.linspace(beside.row, start, hops + 1).round().astype(int)[1:].tolist():
-            move(lifted(row))
-        return start
-    if np.abs(robot.state().q - lifted(start)).max() < NEAR:
-        move(lifted(start))
-        return start
-    move(motion.q_approach)
-    return 0
 
 
 def _resumption(robot: Robot, start: int) -> Sample:

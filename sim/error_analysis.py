@@ -133,12 +133,15 @@ def contact_places(
 
 
 def execution_metrics(
-    places: ContactPlaces, X_BS: Float[np.ndarray, "4 4"], truth: Truth
+    places: ContactPlaces,
+    X_BS: Float[np.ndarray, "4 4"],
+    truth: Truth,
+    height_fraction: float,
 ) -> dict[str, object]:
-    """The whole chain: touched points of the undeformed skin minus the true half-height loop, in
-    B.
+    """The whole chain: touched points of the undeformed skin minus the true loop at the height that
+    was asked for, in B.
     """
-    loop_S = truth.half_height_loop()
+    loop_S = truth.level_loop(height_fraction)
     nearest_S = loop_S[
         np.linalg.norm(places.p_S[:, None] - loop_S[None, ::4], axis=2).argmin(axis=1) * 4
     ]

@@ -21,7 +21,7 @@ def true_loop_motion(scene: Scene, tissue: Mechanics) -> Motion:
     arm.
     """
     truth = Truth(scene.phantom, tissue)
-    loop_S = truth.half_height_loop()
+    loop_S = truth.level_loop()
     points_S, normals_S = truth.closest(loop_S[:: len(loop_S) // LOOP_POINTS][:LOOP_POINTS])
     path = Path(
         points_B=se3.transform(scene.X_BS, points_S), normals_B=se3.rotate(scene.X_BS, normals_S)

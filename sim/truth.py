@@ -84,11 +84,11 @@ class Truth:
         undeformed_S = skin.vertices_S[triangles.reshape(-1, 3)[chosen]]
         return np.einsum("nk,nkc->nc", weights, undeformed_S)
 
-    def half_height_loop(self) -> Float[np.ndarray, "n 3"]:
-        """Dense contour of the undeformed skin at half its height [m]; it closes without
+    def level_loop(self, height_fraction: float = 0.5) -> Float[np.ndarray, "n 3"]:
+        """Dense contour of the undeformed skin at a fraction of its height [m]; it closes without
         repeating its first point.
         """
-        return self._phantom.level_loop(self._phantom.height / 2, LOOP_POINTS)
+        return self._phantom.level_loop(self._phantom.height * height_fraction, LOOP_POINTS)
 
     def cast(
         self, origin_S: Float[np.ndarray, "3"], direction_S: Float[np.ndarray, "n 3"]

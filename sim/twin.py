@@ -94,8 +94,11 @@ class Twin:
         trajectory = error_analysis.with_truth(went, log, places)
         metrics = self._perception_metrics(result) | result.metrics
         if places is not None:
-            metrics |= error_analysis.execution_metrics(places, self.scene.X_BS, self.truth)
-            metrics |= error_analysis.force_metrics(trajectory, result.config.contact.force)
+            config = result.config
+            metrics |= error_analysis.execution_metrics(
+                places, self.scene.X_BS, self.truth, config.planning.pattern.height_fraction
+            )
+            metrics |= error_analysis.force_metrics(trajectory, config.contact.force)
         return replace(result, trajectory=trajectory, metrics=metrics)
 
     def _perception_metrics(self, result: ScanResult) -> dict[str, Any]:

@@ -23,7 +23,8 @@ PRODUCT = {
     "interruptions": set(),
     "exports": set(),
     "scan_log": ALL_STAGES,
-    "execution": ALL_STAGES | {"interruptions"},
+    "approach": ALL_STAGES,
+    "execution": ALL_STAGES | {"approach", "interruptions"},
     "scan": ALL_STAGES | {"cell", "execution", "scan_log"},
     "report": UNDER | {"run"},
 }

@@ -229,9 +229,9 @@ def test_an_arm_that_was_left_on_the_path_goes_up_its_normal_and_contact_is_made
     execution.execute(robot, motion, DEFAULTS, SafetyLimits(), log=log, start=start)
     table = scan_log.trajectory(log, motion, robot)
 
-    first_X = kinematics.forward(moves[0]) @ X_FP
+    first_place = kinematics.forward(moves[0]) @ X_FP
     if start > 0 or left == "in contact":
-        assert first_X[0, 3] == pytest.approx(0.45 + motion.s[150], abs=0.002)
+        assert first_place[0, 3] == pytest.approx(0.45 + motion.s[150], abs=0.002)
     assert all((kinematics.forward(q) @ X_FP)[2, 3] > SKIN + 0.9 * CLEARANCE for q in moves[:-1])
     assert tared[-1][0, 3] == pytest.approx(0.45 + motion.s[start], abs=1e-4)
     assert all(X[2, 3] > SKIN + 0.9 * CLEARANCE for X in tared)

@@ -16,7 +16,7 @@ PATH_POINTS = 200
 
 def arc_motion(scene, truth, length, speed=0.025, clearance=0.012):
     """A part of the half-height loop, on the side where y is greatest, from rest to rest."""
-    loop_S = truth.half_height_loop()
+    loop_S = truth.level_loop()
     centre = int(loop_S[:, 1].argmax())
     step = np.linalg.norm(loop_S[1] - loop_S[0])
     reach = int(0.5 * (length + 0.01) / step)

@@ -38,7 +38,7 @@ def leave(
     def save(place: Path) -> None:
         result.save(place, **settings)
 
-    with keptelsewhere(out, save):
+    with kept_elsewhere(out, save):
         film()
         save(folder)
         with stages.stage("report"):
@@ -46,7 +46,7 @@ def leave(
 
 
 @contextmanager
-def keptelsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
+def kept_elsewhere(out: Path, save: Callable[[Path], None]) -> Iterator[None]:
     """Where the block cannot write, save what a scan measured into a folder for temporary files.
 
     Args:

@@ -47,8 +47,8 @@ PROVENANCE = frozenset(("date", "command", "commit", "versions", "robot_found", 
 """What a `config.json` tells of its run, and no run takes: consent to a contact is given anew."""
 OF_OTHERS = frozenset((
     "seed", "video", "fine", "rig", "robot", "cell", "camera", "calibration", "dry_run",
-    "link", "tcp", "plate_height", "urscript", "perception", "planning", "contact", "safety",
-    "scene", "board", "twin", "controller", "clock", "out", "web", "host", "port",
+    "link", "resume", "tcp", "plate_height", "urscript", "perception", "planning", "contact",
+    "safety", "scene", "board", "twin", "controller", "clock", "out", "web", "host", "port",
 ))  # fmt: skip
 """What a `config.json` may hold that not every command has: left out there, and told."""
 EVERYDAY = (

@@ -69,7 +69,12 @@ def _pose(name: str, meaning: str, frame: str) -> tuple[Column, ...]:
 
 LOG: Columns = {
     "t": _one("t_s", "time on the robot's clock", "s"),
-    "phase": _one("phase", "what the robot was doing: travel, approach, loop, ...", kind="text"),
+    "phase": _one(
+        "phase",
+        "what the robot was doing: travel, approach, loop, ...; `resume`: one row where a scan "
+        "goes on; `overlap`: what is then done twice",
+        kind="text",
+    ),
     "s": _one("s_m", "path length along the loop; NaN off it", "m"),
     "q": _joints("q{}_rad", "measured angle", "rad"),
     "qd": _joints("qd{}_rad_s", "measured speed", "rad/s"),

@@ -468,8 +468,8 @@ class Controller:
             self.program.end()
             self.tell(f"program {self.program.name[:SHOWN]} ended: {why}")
             self.messages.append(Key("PROGRAM_XXX_STOPPED", self.program.name))
-        self.program, self.owner, self._interrupted = None, None, None
-        self.compliance = None
+        self.program, self.owner = None, None
+        self._interrupted, self.compliance = None, None
         self.sockets.close_all()
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:

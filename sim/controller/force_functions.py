@@ -159,11 +159,17 @@ def direct_torque(controller: Controller) -> Iterable[Function]:
         yield
 
     torque, switch = Parameter("torque", JOINTS), Parameter("friction_comp", CONDITION, True)
+    scales = [Parameter(f"{kind}_scale", SCALES, None) for kind in ("viscous", "coulomb")]
     if since(FIRST_SCALES):
-        scales = (Parameter(f"{kind}_scale", SCALES, None) for kind in ("viscous", "coulomb"))
         yield row("direct_torque", exert, torque, *scales, switch)
     elif since(FIRST_TORQUES):
-        yield row("direct_torque", lambda t, on: exert(t, None, None, on), torque, switch)
+        # a client in use gives the scales by name to every software of generation 10
+        named = scales if version[0] > 5 else []
+        yield row(
+            "direct_torque",
+            lambda t, on, viscous=None, coulomb=None: exert(t, viscous, coulomb, on),
+            torque, switch, *named,
+        )  # fmt: skip
 
 
 def _dynamics(controller: Controller) -> Iterable[Function]:

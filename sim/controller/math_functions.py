@@ -44,8 +44,9 @@ def math_functions() -> Iterable[Function]:
 
 def _numbers() -> Iterable[Function]:
     x, y = Parameter("x", NUMBER), Parameter("y", NUMBER)
-    for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "floor", "ceil"):
-        yield row(name, getattr(math, name), x)
+    angles = math.sin, math.cos, math.tan, math.asin, math.acos, math.atan
+    for compute in (*angles, math.sqrt, math.floor, math.ceil):
+        yield row(compute.__name__, compute, x)
     yield row("d2r", math.radians, x)
     yield row("r2d", math.degrees, x)
     yield row("atan2", math.atan2, x, y)

@@ -266,7 +266,7 @@ class Travel:
         return self
 
     @property
-    def hurry(self) -> float:
+    def time_scaling(self) -> float:
         """Of the time that it is given, how much it takes at least: what is too short is stretched,
         and nothing stops [-].
         """
@@ -274,7 +274,7 @@ class Travel:
             return 1.0
         speed = self._pace.top_speed(self._length) * self.joint_travel_a_unit()
         change = speed / (RAMP * self._pace.seconds)
-        return max(speed / SPEED_LIMIT, float(np.sqrt(change / LARGEST_ACCELERATION)))
+        return float(max(speed / SPEED_LIMIT, np.sqrt(change / LARGEST_ACCELERATION)))
 
     def joint_travel_a_unit(self) -> float:
         """Of the joint that moves most along its length [rad/m, or 1]."""

@@ -306,7 +306,7 @@ class _Moves:
         def plan() -> Travel:
             before = self._taken_over
             travel = line(self._start, pace)
-            late = travel.hurry
+            late = travel.time_scaling
             if late > 1:
                 travel = line(self._start, replace(pace, seconds=late * pace.seconds))
             if r > 0 and not travel.blend(r, steady=steady):

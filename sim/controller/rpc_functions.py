@@ -54,7 +54,8 @@ def rpc_functions(controller: Controller) -> Iterable[Function]:
             raise ScriptError(
                 f"rpc_factory: url is http://address:port/path, got {shown(url)}", url
             )
-        address, port, path = parts[1], int(parts[2] or 80), parts[3] or "/"
+        address, port = parts[1], int(parts[2] or 80)
+        path = parts[3] or "/"
 
         def exchange(request: bytes) -> Generator[None, None, bytes]:
             """What the server answers; of no request, whether it is there."""

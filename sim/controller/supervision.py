@@ -136,7 +136,7 @@ class Supervision:
             yield Cause.TOOL_SPEED_VIOLATED, 0, f"the tool moves at {tool_speed:.2f} m/s"
 
     def _keep_pace(self, ratio: float) -> None:
-        self.pace = min(1.0, self.pace * OPERATIONAL / max(ratio, 1e-9))
+        self.pace = min(1.0, float(self.pace * OPERATIONAL / max(ratio, 1e-9)))
 
     def _compare_torques(self, J: Float[np.ndarray, "3 6"], tool_force: float) -> None:
         """How much of a collision what presses the arm is, and which joint feels most of it.

@@ -138,7 +138,7 @@ def run_until(twin, in_contact, *options):
     child = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     for pressing in (False, True):  # it may have been left in contact
         while (twin.do("status")["force"] > 3.0) is not pressing:
-            assert child.poll() is None, child.stdout.read().decode()
+            assert child.poll() is None, child.communicate()[0].decode()
             time.sleep(0.02)
     pass_time(twin, in_contact)
     return child
@@ -175,3 +175,25 @@ def test_a_robots_scan_goes_on_after_a_kill_a_protective_stop_and_a_power_off(tm
         scan(*resume)
         assert twin.do("status")["highest_force"] < 15.0
     require_whole(out, resumptions=3)
+
+
+def test_a_link_that_dies_in_contact_is_told_and_the_scan_goes_on(tmp_path):
+    out = tmp_path / "out"
+    with served(HOST), closing(TwinControl(HOST)) as twin:
+        begin = ("--robot", f"rtde://{HOST}", "--yes", "--out", out, *SHORT_LOOP)
+        child = run_until(twin, SETTLED + 0.5, *begin)
+        twin.do("close_connections")
+        said = " ".join(child.communicate(timeout=120)[0].decode().split())
+        assert child.returncode == 1
+        assert "connection" in said
+        assert f"To go on from there: breastscan scan --resume {out}" in said
+        told = json.loads((out / ABORTED / "abort.json").read_text())
+        assert told["error"] == "RobotError"
+        assert told["path_reached_m"] > 0.0
+        pass_time(twin, 0.5)
+        assert np.abs(twin.do("status")["qd"]).max() < 1e-3  # it holds still
+        child = run_until(twin, SETTLED, "--resume", out, "--yes")
+        child.kill()
+        child.wait()
+    done = [sample.phase for sample in journal.read(out / ABORTED / "journal.bin")]
+    assert RESUME in done

@@ -20,8 +20,9 @@ from breastscan.robot.ur.worker import LinkLimits
 from breastscan.scan import ScanConfig
 from sim.room.cell import cell_of
 from sim.scene import Scene
+from tests.sim.controller.served import address
 
-NOBODY = "rtde://127.0.0.43"
+NOBODY = f"rtde://{address(92)}"
 
 
 @pytest.fixture(autouse=True)

@@ -153,8 +153,9 @@ def test_material_points_of_the_deformed_skin_are_where_they_came_from(truth, ph
     np.testing.assert_allclose(truth.material_point(now_S), before_S, atol=1e-5)
 
 
-def test_the_half_height_loop_lies_on_the_skin_at_half_its_height(truth, phantom):
-    loop_S = truth.half_height_loop()
-    np.testing.assert_allclose(loop_S[:, 2], phantom.height / 2, atol=1e-9)
+@pytest.mark.parametrize("fraction", [0.5, 0.85])
+def test_the_loop_lies_on_the_skin_at_a_fraction_of_its_height(truth, phantom, fraction):
+    loop_S = truth.level_loop(fraction)
+    np.testing.assert_allclose(loop_S[:, 2], fraction * phantom.height, atol=1e-9)
     assert np.abs(truth.distance(loop_S[::40])).max() < 1e-9
     assert np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1).max() < 2e-4

@@ -285,9 +285,11 @@ class Thread:
         return self._code.lines[self._at]
 
     def _waited(self) -> bool:
-        """Whether it can go on: it neither has ended nor waits for the next period, nor has it
-        brought a stop about.
+        """Whether it can go on: it neither has ended nor waits for the next period. Where it has
+        brought a stop about, nothing that takes time begins.
         """
+        if self._waiting is not None and self._program.suspended:
+            return False
         if self._waiting is not None:
             try:
                 next(self._waiting)
@@ -296,7 +298,7 @@ class Thread:
                 self._waiting, self._at = None, self._back
                 self._slots[self._result] = done.value
                 self._hold(self._critical)
-        return self.alive and not self._program.suspended
+        return self.alive
 
     def _go(self, max_steps: int) -> int:
         """So many steps at most, up to a wait. How many were taken."""

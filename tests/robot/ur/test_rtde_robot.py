@@ -181,6 +181,7 @@ def pause_worker(twin, robot):
 def recover(twin, robot):
     twin.do("release")
     ask_dashboard(HOST, "unlock protective stop", "power on", "brake release")
+    pass_time(twin, 0.5)  # an arm is powered by steps
     robot.reconnect()
 
 

@@ -90,14 +90,14 @@ def test_a_time_that_is_too_short_is_stretched_and_what_is_out_of_reach_stops(co
     assert run(controller, "q = get_target_joint_positions()\nq[5] = q[5] - 1\n"
                "movej(q, t=0.01)", 2.0) <= SPEED_LIMIT  # fmt: skip
     assert controller.safety is Safety.NORMAL
-    run(controller, "movel(p[10, 0, 0, 0, 0, 0])", 0.1)
+    run(controller, "movel(p[10, 0, 0, 0, 0, 0])", 5.0)
     assert controller.safety is Safety.PROTECTIVE_STOP
     controller.run("set unlock protective stop")
     assert controller.safety is Safety.NORMAL
 
 
-def test_a_secondary_program_can_stop_the_arm_and_no_statement_follows_a_stop(controller):
-    run(controller, "protective_stop()\nwrite_output_integer_register(0, 1)\nsync()", 0.1)
+def test_a_secondary_program_can_stop_the_arm_and_nothing_that_takes_time_follows(controller):
+    run(controller, "protective_stop()\nsync()\nwrite_output_integer_register(0, 1)", 0.1)
     assert controller.runtime is Runtime.PAUSED
     assert controller.out_ints[0] == 0
     for _ in range(round(5.0 / PERIOD)):

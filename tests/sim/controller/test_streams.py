@@ -222,7 +222,7 @@ def test_the_realtime_ports_tell_every_period_and_the_older_series_every_fourth(
 
 def test_what_programs_do_is_told_at_the_primary_ports_alone(server):
     clients = join(server, 30001, 30011, 30002)
-    clients[0].socket.sendall(b"def f():\nsync()\nprotective_stop()\nend\n")
+    clients[0].socket.sendall(b"def f():\nsync()\nprotective_stop()\nsync()\nend\n")
     step(server, 0.2)
     clients[0].socket.sendall(b"stop program\n")
     step(server, 0.2)
