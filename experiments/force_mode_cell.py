@@ -9,7 +9,6 @@ arm's, with another tool on another thing [Trochimczuk].
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -18,8 +17,7 @@ from breastscan.geometry import se3
 from breastscan.run.metrics import rms
 from experiments import force_cell
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
+from sim.controller.functions import switched_on
 from sim.controller.states import Runtime
 from sim.controller.urscript.values import Pose
 from sim.robot import SimRobot
@@ -81,8 +79,7 @@ def run(circumstance: str, place: float, seed: int) -> list[Press]:
     tissue = force_cell.tissue_of(scene.config.phantom)
     tissue.reset()
     robot = SimRobot(scene, tissue, _over(scene, place if here else 0.0, HIGH))
-    controller = Controller(robot, ControllerConfig(), scene.config.mount_angle, lambda _: None)
-    controller.functions = script_functions(controller)
+    controller = switched_on(robot, ControllerConfig(), scene.config.mount_angle)
     controller.run(_program(scene, place))
     doing = [(0, 0)]
     while controller.runtime is Runtime.STOPPED and not controller.program_error:
@@ -96,29 +93,26 @@ def run(circumstance: str, place: float, seed: int) -> list[Press]:
     return list(_presses(np.array(doing), robot.truth_log().force_axial))
 
 
-@lru_cache(maxsize=1)
-def _steps() -> Float[np.ndarray, "n"]:
-    """Where the loop's rows lie, as fractions of it."""
+def _row(place: float) -> float:
+    """Of the loop's plan, at a fraction of its length."""
     s = force_cell.ground().motion.s
-    return s / s[-1]
+    return float(np.interp(place % 1.0, s / s[-1], np.arange(len(s))))
 
 
 def _pose(scene: Scene, place: float, height: float) -> Float[np.ndarray, "4 4"]:
     """X_BP at a place of the loop, so high over the skin."""
-    motion = force_cell.ground().motion
-    row = float(np.interp(place % 1.0, _steps(), np.arange(len(motion.q))))
-    X_BP = (scene.calibration.forward(motion.at(row)) @ scene.X_FP).copy()
+    q = force_cell.ground().motion.at(_row(place))
+    X_BP = (scene.calibration.forward(q) @ scene.X_FP).copy()
     X_BP[:3, 3] -= height * X_BP[:3, 2]
     return X_BP
 
 
 def _over(scene: Scene, place: float, height: float) -> Float[np.ndarray, "6"]:
     """Joint angles there [rad]."""
-    motion = force_cell.ground().motion
-    row = float(np.interp(place % 1.0, _steps(), np.arange(len(motion.q))))
+    q = force_cell.ground().motion.at(_row(place))
     X_BF = _pose(scene, place, height) @ se3.inverse(scene.X_FP)
     solutions = scene.calibration.inverse(X_BF)
-    return solutions[np.abs(solutions - motion.at(row)).max(axis=1).argmin()]
+    return solutions[np.abs(solutions - q).max(axis=1).argmin()]
 
 
 def _program(scene: Scene, place: float) -> str:

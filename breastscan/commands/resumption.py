@@ -14,7 +14,7 @@ from breastscan.camera.interface import StereoPair
 from breastscan.cell import Cell
 from breastscan.commands.console import console
 from breastscan.commands.results import elsewhere
-from breastscan.commands.settings import PROVENANCE
+from breastscan.commands.settings import PROVENANCE, flat
 from breastscan.errors import ConfigError
 from breastscan.robot.interface import Robot
 from breastscan.run import journal
@@ -96,11 +96,11 @@ def cut_off(out: Path, settings: dict[str, Any]) -> CutOff:
         ConfigError: There is nothing to go on with, or a setting is another.
     """
     found = json.loads(settings_file(out).read_text(encoding="utf-8"))
-    given = {"robot": None, **_flat(as_json(settings))}
+    given = {"robot": None, **dict(flat(as_json(settings)))}
     other = [
         f"{name} was {value}, is {given[name]}"
-        for name, value in {"robot": None, **_flat(found)}.items()
-        if name in given and given[name] != value
+        for name, value in {"robot": None, **dict(flat(found))}.items()
+        if name not in PROVENANCE and name in given and given[name] != value
     ]
     if other:
         raise ConfigError(
@@ -124,14 +124,3 @@ def _tell_version(out: Path, found: dict[str, Any]) -> None:
         if then != now:
             told = f"The scan in {out} was begun by {name} {then}, and goes on with {now}."
             console.print(f"[yellow]{told}[/]", soft_wrap=True)
-
-
-def _flat(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings by their whole names."""
-    found = {}
-    for name, value in content.items():
-        if isinstance(value, dict):
-            found |= _flat(value, f"{prefix}{name}.")
-        elif prefix or name not in PROVENANCE:
-            found[f"{prefix}{name}"] = value
-    return found

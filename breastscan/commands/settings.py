@@ -223,7 +223,11 @@ def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list
     if not isinstance(content, dict):
         raise ConfigError(f"{path} should hold settings by name, as a run's config.json", path)
     found = []
-    for name, value in _flat("", content, known):
+
+    def holds_settings(name: str) -> bool:
+        return any(setting.startswith(f"{name}.") for setting in known)
+
+    for name, value in flat(content, holds_settings):
         top = _top(name)
         if top in PROVENANCE:
             continue
@@ -240,12 +244,20 @@ def _top(name: str) -> str:
     return name.partition(".")[0]
 
 
-def _flat(prefix: str, content: dict, known: dict[str, Setting]) -> Iterator[tuple[str, Any]]:
-    """Nested names and their values; what is below nothing that is known stays whole."""
+def flat(
+    content: dict, is_split: Callable[[str], bool] = lambda name: True, prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Nested names and their values, the former whole.
+
+    Args:
+        content: By name.
+        is_split: Of a name, whether what it holds by name counts one by one.
+        prefix: Of all names.
+    """
     for key, value in content.items():
         name = f"{prefix}{key}".replace("-", "_")
-        if isinstance(value, dict) and any(path.startswith(f"{name}.") for path in known):
-            yield from _flat(f"{name}.", value, known)
+        if isinstance(value, dict) and is_split(name):
+            yield from flat(value, is_split, f"{name}.")
         else:
             yield name, value
 

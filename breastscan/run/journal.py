@@ -9,7 +9,7 @@ import os
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -83,14 +83,15 @@ def _follow(stream: BinaryIO, log: list[Sample], written_rows: int, ended: threa
     while not last:
         last = ended.wait(INTERVAL)
         new = log[written_rows:]
-        if new:
-            with suppress(OSError):
-                stream.write(b"".join(map(_pack, new)))
-                stream.flush()
-                os.fsync(stream.fileno())
-                written_rows += len(new)
-                continue
+        if not new:
+            continue
+        try:
+            stream.write(b"".join(map(_pack, new)))
+            stream.flush()
+            os.fsync(stream.fileno())
+        except OSError:
             return
+        written_rows += len(new)
 
 
 def _pack(sample: Sample) -> bytes:

@@ -46,8 +46,6 @@ from sim.robot import SimRobot
 from sim.wrist.probe import payload
 
 LOOPBACK = "127.0.0.1"
-STOP_DECELERATION = 10.0
-"""Of the leading joint when a program ends [rad/s^2]."""
 PRESSED = (Cause.COLLISION, Cause.DEVIATION)
 """Causes after which the arm yields."""
 RELEASED = (*EMERGENCY_STOPS, Safety.SAFEGUARD_STOP)
@@ -148,8 +146,8 @@ class Controller:
         self.X_FT = robot.X_FP.copy()
         """Pose of the tool centre point in the flange."""
         self.payload, self.inertia = payload(mount_angle), [0.0] * 6
-        self._loading_payload = 0.0, self.payload, self.payload
-        """Time left [s], the payload now, and what it changes to."""
+        self._next_payload, self._payload_time = self.payload, 0.0
+        """What the payload changes to, and the time left [s]."""
         self.force_gains = ForceGains()
         self.compliance: ForceMode | None = None
         """Force mode, while it is on."""
@@ -213,7 +211,8 @@ class Controller:
         """One of the boolean registers that clients write."""
         if i >= 64:
             return bool(self.inputs[f"input_bit_register_{i}"])
-        return bool(int(self.inputs[BIT_WORDS["input"][i // 32]]) >> i % 32 & 1)  # type: ignore[arg-type]
+        word = self.inputs[BIT_WORDS["input"][i // 32]]
+        return bool(int(word) >> i % 32 & 1)  # type: ignore[arg-type]
 
     def write(self, values: dict[str, Held]) -> None:
         """Take in inputs; the next period sees the newest."""
@@ -224,7 +223,7 @@ class Controller:
         """One period."""
         self.periods += 1
         self._take_inputs()
-        if self.payload is not self._loading_payload[2]:
+        if self.payload is not self._next_payload:
             self._change_payload(PERIOD)
         self._power_up()
         self._load()
@@ -274,7 +273,7 @@ class Controller:
         if self.runtime is Runtime.PLAYING:
             self.runtime = Runtime.PAUSED
             self._interrupted = self._interrupted or self.motion
-            self.motion = Braking(self.robot, STOP_DECELERATION)
+            self.motion = Braking(self.robot)
             if self.program is not None:
                 self.program.suspended = True
 
@@ -357,17 +356,18 @@ class Controller:
         """Tell the robot what hangs on its wrist sensor [kg, m]; it changes evenly for so long
         [s].
         """
-        self._loading_payload = over, self.payload, Payload(mass=mass, centre_F=centre_F)
+        self._next_payload = Payload(mass=mass, centre_F=centre_F)
+        self._payload_time = over
         self._change_payload(0.0)
 
     def _change_payload(self, seconds: float) -> None:
         """So much of the way to a payload that is changing."""
-        left, now, goal = self._loading_payload
+        left, goal = self._payload_time, self._next_payload
         part = 1.0 if left <= seconds else seconds / left
-        mass = now.mass + part * (goal.mass - now.mass)
-        centre_F = now.centre_F + part * (goal.centre_F - now.centre_F)
+        mass = self.payload.mass + part * (goal.mass - self.payload.mass)
+        centre_F = self.payload.centre_F + part * (goal.centre_F - self.payload.centre_F)
         self.payload = goal if part == 1.0 else Payload(mass=mass, centre_F=centre_F)
-        self._loading_payload = left - seconds, self.payload, goal
+        self._payload_time = left - seconds
         self.robot.set_payload(self.payload)
 
     def zero_wrench(self) -> None:
@@ -473,7 +473,7 @@ class Controller:
         self.sockets.close_all()
         self.watchdogs.clear()
         if self.runtime is not Runtime.STOPPED:
-            self.motion = Braking(self.robot, STOP_DECELERATION)
+            self.motion = Braking(self.robot)
         self.runtime = Runtime.STOPPED
 
     def report(self, what: str, error: ScriptError, source: str = "") -> None:
@@ -552,7 +552,7 @@ class Controller:
         if np.abs(self.robot.commanded[1]).max() > 0:
             return False
         at_speed = isinstance(self._interrupted, JointSpeed | ToolSpeed)
-        self.motion = self._interrupted if at_speed else Braking(self.robot, STOP_DECELERATION)
+        self.motion = self._interrupted if at_speed else Braking(self.robot)
         self._interrupted = None
         if self.program is not None:
             self.program.suspended = False

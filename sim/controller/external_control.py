@@ -33,11 +33,8 @@ def requested(address: str, time: Callable[[], float]) -> Generator[None, None, 
     """
     sockets = Sockets()
     try:
-        connection = sockets.begin(PROGRAM, address, PORT, address)
-        end = time() + CONNECT_TIME
-        while (connected := sockets.is_connected(connection)) is None and time() < end:
-            yield
-        if not connected or not sockets.send(PROGRAM, REQUEST):
+        connection = yield from sockets.opened(PROGRAM, address, PORT, address, CONNECT_TIME)
+        if connection is None or not sockets.send(PROGRAM, REQUEST):
             raise ScriptError(
                 f"nobody listens at port {PORT} of {address}, from where play was pressed: start "
                 "the client that brings the program first",

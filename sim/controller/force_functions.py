@@ -22,8 +22,9 @@ from sim.controller.urscript.signature import (
     Kind,
     Parameter,
     row,
+    up_to,
 )
-from sim.controller.urscript.values import Pose, Value, is_number
+from sim.controller.urscript.values import Pose, Value
 
 Vector6 = Float[np.ndarray, "6"]
 FIRST_TORQUES = {5: (5, 23), 10: (10, 10)}
@@ -33,8 +34,6 @@ FIRST_SCALES = {5: (5, 25, 1), 10: (10, 12, 1)}
 VISCOUS_SCALE = np.array([0.9, 0.9, 0.8, 0.9, 0.9, 0.9])
 COULOMB_SCALE = np.array([0.8, 0.8, 0.7, 0.8, 0.8, 0.8])
 """Their defaults [-] [UR-script]."""
-STOP_DECELERATION = 10.0
-"""Of the leading joint when force mode or freedrive end [rad/s^2]."""
 DERIVATIVE_TIME = 1e-5
 """Over which the Jacobian's derivative is taken [s]."""
 
@@ -47,13 +46,6 @@ def _six(name: str, fits: Callable[[np.ndarray], np.ndarray], make: Callable = n
         return make(six) if six is not REFUSED and fits(six).all() else REFUSED
 
     return Kind(name, take)
-
-
-def _from_zero_to(highest: float) -> Kind:
-    return Kind(
-        f"a number from 0 to {highest:g}",
-        lambda value: float(value) if is_number(value) and 0 <= value <= highest else REFUSED,
-    )
 
 
 AXES = _six("six numbers of 0 and 1", lambda six: np.isin(six, (0, 1)), lambda six: six > 0)
@@ -90,7 +82,7 @@ def _force_mode(controller: Controller) -> Iterable[Function]:
     def end() -> None:
         if controller.compliance is not None:
             controller.compliance = None
-            controller.motion = Braking(controller.robot, STOP_DECELERATION)
+            controller.motion = Braking(controller.robot)
 
     task = {"task_frame": POSE, "selection_vector": AXES, "wrench": JOINTS, "type": TYPE,
             "limits": LIMITS}  # fmt: skip
@@ -103,8 +95,8 @@ def _force_mode(controller: Controller) -> Iterable[Function]:
     def set_scaling(scaling: float) -> None:
         gains.scaling = scaling
 
-    yield row("force_mode_set_damping", set_damping, Parameter("damping", _from_zero_to(1.0)))
-    yield row("force_mode_set_gain_scaling", set_scaling, Parameter("scaling", _from_zero_to(2.0)))
+    yield row("force_mode_set_damping", set_damping, Parameter("damping", up_to(1.0)))
+    yield row("force_mode_set_gain_scaling", set_scaling, Parameter("scaling", up_to(2.0)))
 
 
 def _freedrive(controller: Controller) -> Iterable[Function]:
@@ -119,7 +111,7 @@ def _freedrive(controller: Controller) -> Iterable[Function]:
 
     def end() -> None:
         if controller.freedrive:
-            controller.motion = Braking(robot, STOP_DECELERATION)
+            controller.motion = Braking(robot)
 
     def status() -> int:
         """Of freedrive along chosen axes; 0 in any other."""

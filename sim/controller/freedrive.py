@@ -20,8 +20,6 @@ from sim.robot import SimRobot
 
 HOLDING = 100.0
 """Of the spring that keeps the axes that are not free [rad/s]."""
-DECELERATION = 10.0
-"""Of the leading joint, once torques are given no more [rad/s^2]."""
 SINGULAR, NEARLY_SINGULAR = 0.03, 0.06
 """Smallest singular value of the tool's Jacobian, rotations by `ROTATION_LENGTH`, below which
 freedrive along chosen axes resists and warns [m]. Assumed."""
@@ -96,7 +94,7 @@ class DirectTorque:
         qd = self._robot.commanded[1]
         friction = self._viscous * qd + self._dry * np.clip(qd / CREEPING, -1.0, 1.0)
         self._robot.exert(self._torque + friction)
-        self._braking = Braking(self._robot, DECELERATION)
+        self._braking = Braking(self._robot)
         return True
 
 

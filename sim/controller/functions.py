@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from breastscan.geometry import se3
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
+from sim.controller.config import ControllerConfig
 from sim.controller.controller import Controller
 from sim.controller.force_functions import force_functions
 from sim.controller.io_functions import io_functions
@@ -43,6 +44,7 @@ from sim.controller.urscript.signature import (
 )
 from sim.controller.urscript.values import LARGEST_INTEGER, Pose, ScriptError
 from sim.controller.variables import INPUTS, OUTPUTS
+from sim.robot import SimRobot
 
 AT_REST = 1e-3
 """Joint speed below which the arm is steady [rad/s]."""
@@ -61,6 +63,18 @@ OUTPUT = Kind(
     "the name of an output", lambda v: v if isinstance(v, str) and v in OUTPUTS else REFUSED
 )
 INPUT = Kind("the name of an input", lambda v: v if isinstance(v, str) and v in INPUTS else REFUSED)
+
+
+def switched_on(
+    robot: SimRobot,
+    config: ControllerConfig,
+    mount_angle: float,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Controller:
+    """A controller with all that its programs can call; arguments as `Controller` takes them."""
+    controller = Controller(robot, config, mount_angle, tell)
+    controller.functions = script_functions(controller)
+    return controller
 
 
 def script_functions(controller: Controller) -> dict[str, Function]:

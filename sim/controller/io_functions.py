@@ -15,22 +15,18 @@ from sim.controller.urscript.signature import (
     Kind,
     Parameter,
     row,
+    up_to,
     whole,
 )
-from sim.controller.urscript.values import is_number
-from sim.controller.variables import REGISTERS
+from sim.controller.variables import BITS, REGISTERS
 
 FLAGS = 32
-BITS = 128
-"""Boolean registers."""
 DIGITAL = {"standard": (0, 8), "configurable": (8, 8), "tool": (16, 2)}
 """First bit, and how many there are, of each kind of digital in- and output."""
 FULL_LEVEL = (0.020, 10.0)
 """Of an analog output, as a current [A] and as a voltage [V]."""
 VOLTAGES = (0, 12, 24)
 VOLTAGE = Kind("0, 12 or 24", lambda value: int(value) if value in VOLTAGES else REFUSED)
-SHARE = Kind("a number from 0 to 1", lambda value: (
-    float(value) if is_number(value) and 0 <= value <= 1 else REFUSED))  # fmt: skip
 LEVEL = Parameter("b", CONDITION)
 
 
@@ -103,7 +99,7 @@ def _analog(controller: Controller) -> Iterable[Function]:
         return call
 
     n, domain = Parameter("n", whole(0, 1)), Parameter("domain", whole(0, 1))
-    share, port = Parameter("f", SHARE), Parameter("port", whole(0, 1))
+    share, port = Parameter("f", up_to(1.0)), Parameter("port", whole(0, 1))
     for name in ("get_standard_analog_out", "get_analog_out"):
         yield row(name, level, n)
     for name in ("set_standard_analog_out", "set_analog_out"):

@@ -40,6 +40,8 @@ Motion = Callable[[Commanded, float], bool]
 """(what moves, speed scaling) -> whether it goes on."""
 ROTATION_LENGTH = 0.3
 """Length that a rotation by a radian counts as in a straight motion of the tool [m]."""
+STOP_DECELERATION = 10.0
+"""Of the leading joint where a motion ends before its end [rad/s^2]."""
 END_STEPS = 20
 """In which Newton's method goes from the present joint angles to those at a motion's end."""
 NEARING = 0.1
@@ -123,7 +125,7 @@ class Servo:
 class Braking:
     """Along the commanded motion, to rest."""
 
-    def __init__(self, robot: SimRobot, deceleration: float) -> None:
+    def __init__(self, robot: SimRobot, deceleration: float = STOP_DECELERATION) -> None:
         """At a deceleration of the leading joint [rad/s^2]."""
         self._targets = braking(*robot.commanded, deceleration, PERIOD)
 
@@ -186,26 +188,19 @@ class Travel:
 
     def __call__(self, robot: Commanded, scaling: float) -> bool:
         """One period, of which `scaling` counts."""
-        if self._law is None:
-            self._go(robot, 1.0)
-            return False
-        self._time = min(self._time + scaling * PERIOD, self._law.duration)
-        if self._time < 0:
-            q = self._round(self._time)
-            if self._is_followed is not None:
-                _check_singularity(*robot.commanded, q)
-            go(robot, q)
-            return True
-        self._go(robot, (self._before + self._law.distance(self._time)) / self._length)
-        return bool(self._time < self._law.duration)
-
-    def _go(self, robot: Commanded, fraction: float) -> None:
-        q = self._at(fraction)
+        fraction, goes_on = 1.0, False
+        if self._law is not None:
+            self._time = min(self._time + scaling * PERIOD, self._law.duration)
+            fraction = (self._before + self._law.distance(max(self._time, 0.0))) / self._length
+            goes_on = bool(self._time < self._law.duration)
+        in_corner = self._time < 0
+        q = self._round(self._time) if in_corner else self._at(fraction)
         if self._is_followed is not None:
             _check_singularity(*robot.commanded, q)
-            if not self._is_followed(fraction, q):
+            if not (in_corner or self._is_followed(fraction, q)):
                 raise ImpossibleMotion("the joints cannot follow the line", Cause.SINGULARITY)
         go(robot, q)
+        return goes_on
 
     def blend(self, radius: float, *, steady: bool) -> bool:
         """Let the next motion take over `radius` before the end [m], so far from it in space; if

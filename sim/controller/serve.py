@@ -13,8 +13,7 @@ from pathlib import Path
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
+from sim.controller.functions import switched_on
 from sim.controller.server import Server, ask_for_priority
 from sim.controller.urscript.syntax import make_ready
 from sim.robot import SimRobot
@@ -57,9 +56,7 @@ def serve(
     _compile(robot)
     make_ready()
     tell = _without_waiting(tell)
-    controller = Controller(robot, config, scene_config.mount_angle, tell)
-    controller.functions = script_functions(controller)
-    server = Server(controller)
+    server = Server(switched_on(robot, config, scene_config.mount_angle, tell))
     granted = config.real_time and ask_for_priority()
     tell(
         f"Ready: UR5e {config.version} at {config.host}"

@@ -17,7 +17,7 @@ from sim.controller.clients import Client, by_line
 from sim.controller.controller import Controller
 from sim.controller.dashboard import GREETING, Dashboard
 from sim.controller.fault_injection import CONTROL_PORT, FaultInjector
-from sim.controller.messages import Code, Message, ProgramError
+from sim.controller.messages import Code, Message, ProgramError, SafetyChange
 from sim.controller.outputs import Outputs
 from sim.controller.realtime import Realtime
 from sim.controller.robot_state import RobotState
@@ -57,15 +57,13 @@ class Stream:
         self._every = round(FREQUENCY / rate)
         self._controller, self._pack = controller, pack
         self._period, self._package = -1, b""
-        self._safety = controller.safety
 
     @property
     def due(self) -> bool:
         """Whether one is sent in this period; at once where the safety mode has changed, so that
         no message is ahead of the state (assumed).
         """
-        changed = self._safety is not self._controller.safety
-        self._safety = self._controller.safety
+        changed = any(isinstance(m, SafetyChange) for m in self._controller.messages)
         return changed or self._controller.periods % self._every == 0
 
     def send(self, client: Client) -> None:

@@ -134,17 +134,10 @@ def socket_functions(controller: Controller) -> Iterable[Function]:
 
 
 def connected(controller: Controller, address: str, port: int, name: str) -> Reading:
-    """Open a socket; whether it is open then."""
-    sockets, is_connected = controller.sockets, None
-    connection = sockets.begin(name, address, port, controller.program_from)
-    for _ in range(round(CONNECT_TIME / PERIOD)):
-        yield
-        is_connected = sockets.is_connected(connection)
-        if is_connected is not None:
-            break
-    if not is_connected:
-        sockets.close(name)
-    return bool(is_connected)
+    """Open a socket to the machine that the program came from; whether it is open then."""
+    sender = controller.program_from
+    opened = yield from controller.sockets.opened(name, address, port, sender, CONNECT_TIME)
+    return opened is not None
 
 
 def _between(prefix: bytes, suffix: bytes) -> Take:

@@ -6,10 +6,11 @@ Nothing here waits: who reads asks every period whether enough has come.
 import ipaddress
 import select
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.urscript.values import ScriptError, shown
 
 MAX_SOCKETS = 16
@@ -84,8 +85,27 @@ class Sockets:
             connection.ended = True
         return connection
 
+    def opened(
+        self, name: str, address: str, port: int, sender: str, seconds: float
+    ) -> Generator[None, None, Connection | None]:
+        """Connect, for so long at most [s], a look a period; None where nobody takes it.
+
+        Raises:
+            ScriptError: As `begin`.
+        """
+        connection, is_connected = self.begin(name, address, port, sender), None
+        for _ in range(round(seconds / PERIOD)):
+            yield
+            is_connected = self._is_connected(connection)
+            if is_connected is not None:
+                break
+        if is_connected:
+            return connection
+        self.close(name)
+        return None
+
     @staticmethod
-    def is_connected(connection: Connection) -> bool | None:
+    def _is_connected(connection: Connection) -> bool | None:
         """None while that is open."""
         if connection.ended:
             return False

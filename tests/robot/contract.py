@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from breastscan.errors import RobotError
+from breastscan.interruptions import no_garbage_collection
 from breastscan.robot.interface import Robot
 from breastscan.servo import Servo
 from sim.scene import HOME_Q
@@ -38,11 +39,12 @@ def stream(q, period):
 
 
 def send(robot, targets):
-    """Stream targets; the state after each."""
+    """Stream targets as a scan does; the state after each."""
     states = []
-    for q in targets:
-        robot.servo_joint(q)
-        states.append(robot.state())
+    with no_garbage_collection():
+        for q in targets:
+            robot.servo_joint(q)
+            states.append(robot.state())
     return states
 
 

@@ -136,6 +136,14 @@ def choice(*words: str) -> Kind:
     return Kind("one of " + ", ".join(words), lambda value: value if value in words else REFUSED)
 
 
+def up_to(highest: float) -> Kind:
+    """A number from 0."""
+    return Kind(
+        f"a number from 0 to {highest:g}",
+        lambda value: float(value) if is_number(value) and 0 <= value <= highest else REFUSED,
+    )
+
+
 NUMBER = Kind("a number", _number)
 POSITIVE = Kind("a positive number", _positive)
 INTEGER = whole(-LARGEST_INTEGER - 1, LARGEST_INTEGER)

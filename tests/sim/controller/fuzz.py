@@ -16,14 +16,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
 from sim.controller.fault_injection import CONTROL_PORT, TwinControl
-from sim.controller.functions import script_functions
 from sim.controller.urscript.signature import REQUIRED
 from sim.controller.variables import INPUTS, OUTPUTS
-from sim.robot import SimRobot
 from sim.scene import Scene
+from tests.sim.controller.programs import switched_on
 from tests.sim.controller.served import address, served
 
 BATCH = 20
@@ -303,10 +300,7 @@ def cases(count: int, seed: int):
     """So many of (port, bytes)."""
     draw = random.Random(seed)
     scene = Scene()
-    controller = Controller(
-        SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None
-    )
-    functions = script_functions(controller)
+    functions = switched_on(scene).functions
     for _ in range(count):
         programs, kind = Programs(draw, functions), draw.random()
         text = programs.program()

@@ -5,22 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from breastscan.robot.ur.ur5e import PERIOD
+from sim.controller import functions
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
 from sim.controller.states import Runtime, Safety
 from sim.robot import SimRobot
 
 START_Q = np.array([0.0, -1.4, 1.6, -1.77, -1.57, 0.0])
 """Over the table, far from singularities [rad]."""
+CONFIG = ControllerConfig()
 
 
-def switched_on(scene, q=START_Q):
-    controller = Controller(
-        SimRobot(scene, q=q), ControllerConfig(), scene.config.mount_angle, lambda text: None
-    )
-    controller.functions = script_functions(controller)
-    return controller
+def switched_on(scene, q=START_Q, tissue=None, config=CONFIG, **options):
+    robot = SimRobot(scene, tissue, np.array(q))
+    return functions.switched_on(robot, config, scene.config.mount_angle, **options)
 
 
 @dataclass

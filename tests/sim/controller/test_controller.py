@@ -4,27 +4,15 @@ import numpy as np
 import pytest
 
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD, SPEED_LIMIT
-from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
 from sim.controller.messages import ProgramError
 from sim.controller.states import Runtime, Safety
-from sim.robot import SimRobot
-from sim.scene import Scene
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
+from sim.scene import HOME_Q
+from tests.sim.controller.programs import switched_on
 
 
 @pytest.fixture
 def controller(scene):
-    controller = Controller(
-        SimRobot(scene), ControllerConfig(), scene.config.mount_angle, lambda text: None
-    )
-    controller.functions = script_functions(controller)
-    return controller
+    return switched_on(scene, HOME_Q)
 
 
 def run(controller, body, seconds):

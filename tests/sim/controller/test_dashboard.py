@@ -8,21 +8,14 @@ import pytest
 
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
 from sim.controller.dashboard import COMMANDS, LOCAL, Dashboard
 from sim.controller.external_control import LONGEST_PROGRAM, PORT
-from sim.controller.functions import script_functions
-from sim.robot import SimRobot
-from sim.scene import Scene
+from sim.scene import HOME_Q
+from tests.sim.controller.programs import switched_on
 from tests.sim.controller.served import address
 
 CLIENT = address(114)
 LOOP = "def wait():\nwhile True:\nsync()\nend\nend\n"
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
 
 
 @pytest.fixture
@@ -46,9 +39,7 @@ def dashboard(scene, programs):
 
 def dashboard_of(scene, config):
     told = []
-    controller = Controller(SimRobot(scene), config, scene.config.mount_angle, told.append)
-    controller.functions = script_functions(controller)
-    dashboard = Dashboard(controller)
+    dashboard = Dashboard(switched_on(scene, HOME_Q, config=config, tell=told.append))
     dashboard.told = told
     return dashboard
 

@@ -10,15 +10,12 @@ import pytest
 
 from breastscan.geometry import se3
 from breastscan.robot.ur.ur5e import PERIOD
-from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
 from sim.controller.force_mode import MASS
-from sim.controller.functions import script_functions
 from sim.controller.states import Runtime, Safety
-from sim.robot import SimRobot
 from sim.scene import HOME_Q
 from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.tissue.soft import SoftTissue
+from tests.sim.controller.programs import switched_on
 from tests.sim.controller.served import address, client, served
 from tests.sim.tissue.closed_form_tissue import SpringTissue
 from tests.sim.tissue.press_poses import loop_pose
@@ -30,17 +27,9 @@ STIFFNESS = 1500.0
 """Of the spring [N/m]."""
 
 
-def controller_of(scene, tissue=None, q=HOME_Q):
-    controller = Controller(
-        SimRobot(scene, tissue, q), ControllerConfig(), scene.config.mount_angle, lambda text: None
-    )
-    controller.functions = script_functions(controller)
-    return controller
-
-
 @pytest.fixture
 def controller(quiet_scene):
-    return controller_of(quiet_scene)
+    return switched_on(quiet_scene, HOME_Q)
 
 
 def begin(controller, body):
@@ -103,7 +92,7 @@ def test_without_damping_a_speed_is_kept_and_with_full_damping_it_is_gone_in_a_p
 
 def test_the_wrench_is_what_the_robot_does_to_a_spring_in_the_axes_of_the_task_frame(quiet_scene):
     level = (se3.inverse(quiet_scene.X_BS) @ tip(quiet_scene))[2, 3]
-    controller = controller_of(quiet_scene, SpringTissue(level - 0.002, STIFFNESS))
+    controller = switched_on(quiet_scene, HOME_Q, SpringTissue(level - 0.002, STIFFNESS))
     turned = "p[0.2, 0.1, 0.3, 3.14159265, 0, 0]"  # z down
     begin(controller, "zero_ftsensor()\n" + force_mode(2, 8.0, frame=turned) + "sleep(9)")
     pass_time(controller, 3.0)
@@ -129,7 +118,7 @@ def over_skin(quiet_scene):
     arm = quiet_scene.calibration
     solutions = arm.inverse(X_BP @ se3.inverse(quiet_scene.X_FP))
     nearest = np.abs(solutions - HOME_Q).max(axis=1).argmin()
-    return controller_of(quiet_scene, tissue(), solutions[nearest])
+    return switched_on(quiet_scene, solutions[nearest], tissue())
 
 
 def pressing(controller):

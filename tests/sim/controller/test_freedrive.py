@@ -7,16 +7,14 @@ import pytest
 
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
 from sim.controller.fault_injection import FaultInjector
 from sim.controller.freedrive import DRY, VISCOUS
-from sim.controller.functions import script_functions
 from sim.controller.motion import between
 from sim.controller.outputs import Outputs
 from sim.controller.states import Safety
-from sim.robot import SimRobot
 from sim.scene import HOME_Q
 from sim.wrist.probe import payload
+from tests.sim.controller.programs import switched_on
 
 PUSH = np.array([20.0, 15.0, -10.0])
 """Of a hand [N]."""
@@ -28,11 +26,7 @@ def controller(quiet_scene):
 
 
 def controller_of(scene, version):
-    controller = Controller(
-        SimRobot(scene), ControllerConfig(version=version), scene.config.mount_angle, lambda t: None
-    )
-    controller.functions = script_functions(controller)
-    return controller
+    return switched_on(scene, HOME_Q, config=ControllerConfig(version=version))
 
 
 def run(controller, body, seconds):

@@ -10,18 +10,7 @@ from sim.controller.messages import Key, Popup, Text
 from sim.controller.states import RobotMode, Runtime
 from sim.controller.urscript.signature import ANYTHING
 from sim.controller.urscript.values import Pose
-from sim.scene import Scene
-from tests.sim.controller.programs import refusal, run_to_end, switched_on
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
-@pytest.fixture
-def controller(scene):
-    return switched_on(scene)
+from tests.sim.controller.programs import refusal, run_to_end
 
 
 def call(functions, name, *arguments):

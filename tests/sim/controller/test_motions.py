@@ -8,24 +8,13 @@ from hypothesis import strategies as st
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.curves import Circle, Law
 from sim.controller.states import Runtime
-from sim.scene import Scene
-from tests.sim.controller.programs import START_Q, refusal, run_to_end, switched_on
+from tests.sim.controller.programs import START_Q, refusal, run_to_end
 
 SIDE = 0.1
 """Of the square that is driven round [m]."""
 CORNERS = np.array([[0.0, SIDE, 0.0], [SIDE, SIDE, 0.0], [SIDE, 0.0, 0.0]])
 MOVEL_V, MOVEL_A = 0.25, 1.2
 """The manual's defaults [m/s, m/s^2]."""
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
-@pytest.fixture
-def controller(scene):
-    return switched_on(scene)
 
 
 @pytest.fixture

@@ -10,23 +10,12 @@ import pytest
 
 from sim.controller.rpc_functions import LONGEST_ANSWER
 from sim.controller.states import Runtime
-from sim.scene import Scene
-from tests.sim.controller.programs import refusal, switched_on
+from tests.sim.controller.programs import refusal
 from tests.sim.controller.test_sockets import serving
 
 POSE = {"x": 0.1, "y": 0.2, "z": 0.3, "rx": 0.0, "ry": 3.0, "rz": 0.0}
 VALUES = ["1", "-2.5", "True", '"text"', "[1, 2.5]", "[[1, 2], [3, 4]]",
           "p[0.1, 0.2, 0.3, 0, 3, 0]", 'struct(a=1, b=[True, "x"])']  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
-@pytest.fixture
-def controller(scene):
-    return switched_on(scene)
 
 
 @pytest.fixture(scope="module")

@@ -11,18 +11,7 @@ import pytest
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.sockets import KEPT, MAX_SOCKETS
 from sim.controller.states import Runtime
-from sim.scene import Scene
-from tests.sim.controller.programs import START_Q, refusal, switched_on
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
-@pytest.fixture
-def controller(scene):
-    return switched_on(scene)
+from tests.sim.controller.programs import START_Q, refusal
 
 
 @pytest.fixture

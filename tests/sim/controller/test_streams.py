@@ -14,15 +14,13 @@ from breastscan.geometry.kinematics import DH_A, DH_ALPHA, DH_D
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller import primary
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
 from sim.controller.messages import Code, Key, Popup, SafetyChange, Text
 from sim.controller.outputs import Outputs
 from sim.controller.realtime import Realtime
 from sim.controller.robot_state import RobotState, dh_parameters
 from sim.controller.server import Server
-from sim.robot import SimRobot
-from sim.scene import Scene
+from sim.scene import HOME_Q
+from tests.sim.controller.programs import switched_on
 from tests.sim.controller.served import address
 from tests.sim.controller.wire import Stream
 
@@ -30,16 +28,9 @@ HOST = address(81)
 MOVE = "def main():\nspeedj([.1, .2, .3, .1, .2, .3], 5, 5)\nend\n"
 
 
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
 def controller_of(scene, version="5.22"):
     config = ControllerConfig(version=version, host=HOST)
-    controller = Controller(SimRobot(scene), config, scene.config.mount_angle, lambda text: None)
-    controller.functions = script_functions(controller)
-    return controller
+    return switched_on(scene, HOME_Q, config=config)
 
 
 @pytest.fixture

@@ -10,17 +10,15 @@ import pytest
 
 from breastscan.geometry.kinematics import singularity_measure
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT, PERIOD
-from sim.controller.config import ControllerConfig
 from sim.controller.controller import UNLOCK_AFTER, Controller
 from sim.controller.fault_injection import FaultInjector, TwinControl
-from sim.controller.functions import script_functions
 from sim.controller.messages import Code
 from sim.controller.motion import LONGEST_STEP, NEAR_SINGULARITY
 from sim.controller.outputs import Outputs
 from sim.controller.states import SAFETY_BITS, RobotMode, Runtime, Safety
 from sim.controller.supervision import LIMITS
-from sim.robot import SimRobot
-from sim.scene import HOME_Q, Scene
+from sim.scene import HOME_Q
+from tests.sim.controller.programs import switched_on
 from tests.sim.controller.served import address, served
 from tests.sim.controller.wire import Wire
 
@@ -53,22 +51,9 @@ stopj(4)""",
 }
 
 
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
-def built(scene, q=HOME_Q):
-    controller = Controller(
-        SimRobot(scene, q=np.array(q)), ControllerConfig(), 0.785, lambda text: None
-    )
-    controller.functions = script_functions(controller)
-    return controller
-
-
 @pytest.fixture
 def controller(scene):
-    return built(scene)
+    return switched_on(scene, HOME_Q)
 
 
 def start(controller, body):
@@ -196,7 +181,7 @@ def test_a_motion_of_its_own_is_slowed_to_the_speed_limits_and_arrives(controlle
 
 
 def test_a_tool_that_a_client_wants_too_fast_is_stopped(scene):
-    stretched = built(scene, [0.0, -0.9, 0.4, -1.0, -1.5, 0.0])
+    stretched = switched_on(scene, [0.0, -0.9, 0.4, -1.0, -1.5, 0.0])
     rush = MOTIONS["servoj"].replace("q[5] = q[5] + 0.001", "q[0] = q[0] + i * 0.00001")
     start(stretched, rush)
     wait(stretched, 1.0)
@@ -209,7 +194,7 @@ def test_a_tool_that_a_client_wants_too_fast_is_stopped(scene):
 @pytest.mark.parametrize("motion", ["speedj([0, 0, 0, 0, 0, 3], 10, 9)", "servoj", "speedl"])
 def test_no_motion_leaves_the_joints_range(scene, motion):
     q = [np.pi, -2.356, 2.094, -1.309, -1.571, ANGLE_LIMIT - 0.3]
-    near = built(scene, q)
+    near = switched_on(scene, q)
     about_the_flange = "set_tcp(p[0, 0, 0, 0, 0, 0])\n"
     turn = near.robot.calibration.forward(np.array(q))[:3, 2].tolist()
     body = {
@@ -224,7 +209,7 @@ def test_no_motion_leaves_the_joints_range(scene, motion):
 
 
 def test_an_arm_beyond_its_range_recovers_slowly_inwards_alone(scene):
-    lost = built(scene, [np.pi, -2.356, 2.094, -1.309, -1.571, ANGLE_LIMIT + 0.1])
+    lost = switched_on(scene, [np.pi, -2.356, 2.094, -1.309, -1.571, ANGLE_LIMIT + 0.1])
     assert lost.safety is Safety.RECOVERY
     start(lost, "speedj([0, 0, 0, 0, 0, 0.2], 1, 1)")
     wait(lost, 0.2)
@@ -286,7 +271,7 @@ HALTS = {
 @cache
 def untouched(scene, name):
     """Where a motion ends that nothing halts [rad]."""
-    controller = built(scene)
+    controller = switched_on(scene, HOME_Q)
     start(controller, MOTIONS[name])
     wait(controller, 4.0, lambda: controller.runtime is Runtime.STOPPED)
     return controller.robot.commanded[0]
@@ -296,7 +281,7 @@ def untouched(scene, name):
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_motion_that_is_halted_goes_on_and_arrives(scene, name, halt):
     stop, go_on = HALTS[halt]
-    halted = built(scene)
+    halted = switched_on(scene, HOME_Q)
     start(halted, MOTIONS[name])
     wait(halted, 0.4)
     stop(halted)
@@ -344,7 +329,7 @@ def test_without_power_the_arm_stands_and_runs_a_program_again_later(controller,
 def test_whatever_motion_is_asked_for_steps_are_short_and_joints_in_range(scene, seed):
     """Straight motions to anywhere, at any speed, from wherever the last one ended."""
     rng = np.random.default_rng(seed)
-    controller = built(scene)
+    controller = switched_on(scene, HOME_Q)
     for _ in range(4):
         speed, acceleration = 10 ** rng.uniform(-1.5, 1), 10 ** rng.uniform(-1, 2)
         place = rng.uniform([-0.8, -0.8, 0.1, -3, -3, -3], [0.8, 0.8, 0.9, 3, 3, 3]).tolist()

@@ -6,13 +6,11 @@ import pytest
 
 from breastscan.robot.ur.ur5e import PERIOD
 from sim.controller.config import ControllerConfig
-from sim.controller.controller import Controller
-from sim.controller.functions import script_functions
 from sim.controller.outputs import Outputs
 from sim.controller.rtde import Connection, Registry
 from sim.controller.variables import OUTPUTS, offered
-from sim.robot import SimRobot
-from sim.scene import Scene
+from sim.scene import HOME_Q
+from tests.sim.controller.programs import switched_on
 
 
 class Line:
@@ -28,16 +26,10 @@ class Line:
         self.sent.append((b"", b""))
 
 
-@pytest.fixture(scope="module")
-def scene():
-    return Scene()
-
-
 def connected(scene, version):
     """A connection to a controller, its protocol agreed upon."""
     config = ControllerConfig(version=version)
-    controller = Controller(SimRobot(scene), config, scene.config.mount_angle, lambda text: None)
-    controller.functions = script_functions(controller)
+    controller = switched_on(scene, HOME_Q, config=config)
     line = Line()
     connection = Connection(line, controller, Outputs(controller), Registry())
 
