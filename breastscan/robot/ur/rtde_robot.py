@@ -27,7 +27,7 @@ from breastscan.robot.ur import faults, targets
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
 from breastscan.robot.ur.ur5e import PERIOD, SERVO
-from breastscan.robot.ur.worker import TARGET, LinkLimits, WorkerSetup, serve
+from breastscan.robot.ur.worker import END_TIME, TARGET, LinkLimits, WorkerSetup, serve
 
 ANSWER_TIME = 0.2
 """Longest wait for the state after a target, on the controller's clock [s]: a busy machine stalls a
@@ -45,8 +45,6 @@ REQUEST_TIME = 5.0
 CONNECT_TIME = 60.0
 """Longest wait for a new worker: a Python process starts, and the controller is given its program
 [s]."""
-END_TIME = 2.0
-"""Longest wait for a worker to bring the arm to rest and end [s]."""
 STOP_DECELERATION = 4.0
 """Deceleration of the leading joint on `stop` [rad/s^2]."""
 ARRIVED = 5e-4

@@ -40,6 +40,9 @@ REPEAT_PERIODS = 2
 """Periods without a target beyond which the last is repeated: one less late is still to come."""
 GONE_TIME = 0.5
 """Wall time without a state after a package, beyond which the controller counts as gone [s]."""
+END_TIME = 2
+"""To bring the arm to rest and end the program [s]; the library waits without end where nobody
+answers."""
 MOVING = 1e-5
 """Joint step from one target to the next [rad] beyond which the next is due: 5 mrad/s."""
 LATENESS = 0.02
@@ -161,6 +164,7 @@ class Worker:
                 self._fail(Fault.LOST)
                 return
         if self._fault is Fault.NONE:
+            signal.alarm(END_TIME)  # ends the process, whatever the library waits for
             if self._target is not None:
                 self.link.end_servo()
             self.link.end_program()

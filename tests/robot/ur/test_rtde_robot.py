@@ -19,6 +19,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError
 from breastscan.robot.ur.faults import Fault
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
+from breastscan.robot.ur.worker import END_TIME
 from sim.controller.fault_injection import TwinControl
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
@@ -43,9 +44,14 @@ ON_THE_LOOP = 40
 
 
 @pytest.fixture(scope="module")
-def twin():
-    with served(HOST):
-        yield TwinControl(HOST)
+def served_twin():
+    with served(HOST) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def twin(served_twin):
+    return TwinControl(HOST)
 
 
 @pytest.fixture(scope="module")
@@ -255,27 +261,52 @@ def hold_on(host, scene_config, started):
             started.set()
 
 
-def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(
-    twin, connected, scene
-):
+@pytest.fixture
+def child(connected, scene):
+    """A scan's process that streams, and its own children; nobody else is connected."""
     connected.close()
     context = multiprocessing.get_context("spawn")
     started = context.Event()
     arguments = (HOST, (scene.X_FP, payload(scene.config.mount_angle)), started)
-    child = context.Process(target=hold_on, args=arguments)
-    child.start()
+    process = context.Process(target=hold_on, args=arguments)
+    process.start()
     assert started.wait(120)
     workers = [
-        int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == child.pid
+        int(pid) for pid in os.listdir("/proc") if pid.isdigit() and _parent(pid) == process.pid
     ]
+    yield process, workers
+    connected.reconnect()
+
+
+def test_an_arm_whose_clients_are_all_killed_stops_within_a_tenth_of_a_second(twin, child):
+    process, workers = child
     killed = twin.do("status")["time"]
-    for pid in (*workers, child.pid):
+    for pid in (*workers, process.pid):
         os.kill(pid, signal.SIGKILL)
-    child.join()
+    process.join()
     while (status := twin.do("status"))["time"] < killed + 0.1:
         time.sleep(0.005)
     assert np.abs(status["qd"]).max() < STOPPED
-    connected.reconnect()
+
+
+def test_nothing_of_a_killed_scan_goes_on_where_the_controller_says_no_more(served_twin, child):
+    process, workers = child
+    os.kill(served_twin.pid, signal.SIGSTOP)
+    os.kill(process.pid, signal.SIGKILL)
+    process.join()
+    until = time.monotonic() + 2 * END_TIME
+    while (left := [pid for pid in workers if _is_running(pid)]) and time.monotonic() < until:
+        time.sleep(0.05)
+    os.kill(served_twin.pid, signal.SIGCONT)
+    assert not left
+
+
+def _is_running(pid):
+    try:
+        with open(f"/proc/{pid}/stat") as stat:
+            return stat.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def _parent(pid):
