@@ -6,7 +6,8 @@ yes in so many words.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,6 +26,7 @@ from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
+from breastscan.robot.ur.priority import priority
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run.unfinished import ABORTED, CELL_FILE, TRUTH_FILE, settings_file
 from breastscan.run.writing import require_writable, staged
@@ -291,6 +293,13 @@ def _scan_robot(
     if not (in_air or agreed):
         _ask()
     settings = {**settings, "robot_found": controller}
+    kept = resumption.keep(out, cell, {**settings, **vars(config)})
+
+    @contextmanager
+    def keep(*known: Any) -> Iterator[None]:
+        with kept(*known), priority():
+            yield
+
     with staged(out) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with preflight.opened(cell.rtde(host)) as arm:
@@ -302,7 +311,7 @@ def _scan_robot(
                 clearances=clearances,
                 stages=stages,
                 on_plan=tell_plan,
-                keep=resumption.keep(out, cell, {**settings, **vars(config)}),
+                keep=keep,
                 cut_off=cut_off,
                 in_air=in_air,
             )

@@ -10,11 +10,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from breastscan.robot.ur.priority import ask_for_priority
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from sim.controller.config import ControllerConfig
 from sim.controller.functions import switched_on
-from sim.controller.server import Server, ask_for_priority
+from sim.controller.server import Server
 from sim.controller.urscript.syntax import make_ready
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig

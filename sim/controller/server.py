@@ -4,7 +4,6 @@ In lockstep a cycle waits for the client as well whose targets the program strea
 """
 
 import gc
-import os
 import select
 import socket
 import time
@@ -42,8 +41,6 @@ LONGEST_WAIT = 0.1
 """Between two checks whether the end has come [s]."""
 MAX_CLIENTS = 32
 """At each port; who comes beyond is hung up on."""
-PRIORITY = 20
-"""Of real-time scheduling, where the system grants it."""
 
 
 class Stream:
@@ -313,12 +310,3 @@ class Server:
         listener.listen()
         listener.setblocking(False)
         return listener
-
-
-def ask_for_priority() -> bool:
-    """Real-time scheduling for this process; whether the system grants it."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (AttributeError, PermissionError, OSError):
-        return False
-    return True

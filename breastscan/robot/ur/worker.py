@@ -28,6 +28,7 @@ from breastscan.errors import ConfigError
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur import faults
 from breastscan.robot.ur.faults import TRANSIENT, Fault
+from breastscan.robot.ur.priority import ask_for_priority
 from breastscan.robot.ur.rtde import Link, Reading
 from breastscan.robot.ur.shared_state import ControllerState, SharedState
 from breastscan.robot.ur.ur5e import PERIOD
@@ -52,8 +53,6 @@ STOP_MARGIN = 0.03
 """By how much later the controller stops by itself [s]: of .1 s, half is left to stop in."""
 MAX_SLACK = 10.0
 """Widest that the limits may be: at .2 s the force is no longer controlled."""
-PRIORITY = 20
-"""Real-time priority that is asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,8 +104,7 @@ def serve(
     # Ctrl-C is the parent's to handle: it retreats first
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if setup.real_time:
-        with suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        ask_for_priority()
     try:
         worker = Worker(setup, shared, targets, requests)
     except RuntimeError as error:
