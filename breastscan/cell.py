@@ -5,14 +5,10 @@ A scan is the same program with another cell. The twin makes its own from its sc
 file, `cell.json`, that a scan leaves in its run folder and that may be edited.
 """
 
-import dataclasses
 import json
-import math
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +19,7 @@ from breastscan.robot.payload import Payload
 from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run.writing import write_json
+from breastscan.settings import read_fields
 from breastscan.vision.camera import SHORTEST_BASELINE, StereoRig
 
 SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3}
@@ -129,46 +126,8 @@ class Cell:
             content = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise ConfigError(f"{path} is not a JSON file ({error})", path) from error
-        values = _fields(Cell, content, str(path))
+        values = read_fields(Cell, content, str(path))
         return Cell(**values if rig is None else {**values, "rig": rig})
-
-
-def _read(kind: Any, content: Any, where: str) -> Any:
-    """A value of a field's kind from what JSON holds; `where` names it in errors."""
-    if get_origin(kind) in (Union, UnionType):  # X | None
-        return None if content is None else _read(get_args(kind)[0], content, where)
-    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-        return kind(**_fields(kind, content, where))
-    if get_origin(kind) is tuple and isinstance(content, list):
-        return tuple(
-            _read(get_args(kind)[0], one, f"{where}[{k}]") for k, one in enumerate(content)
-        )
-    if get_origin(kind) is Literal and content in get_args(kind):
-        return content
-    if kind is float and type(content) in (float, int) and math.isfinite(content):
-        return float(content)
-    if kind in (int, str) and type(content) is kind:
-        return content
-    if kind not in (float, int, str) and isinstance(content, list) and get_origin(kind) is None:
-        with suppress(TypeError, ValueError):
-            values = np.array(content, float)
-            if isinstance(values, kind) and np.isfinite(values).all():
-                return values
-    expected = getattr(kind, "dim_str", None)
-    expected = (
-        f"numbers of the shape ({expected})" if expected else str(getattr(kind, "__name__", kind))
-    )
-    raise ConfigError(f"{where} should be {expected}, got {str(content)[:60]!r}", content)
-
-
-def _fields(kind: Any, content: Any, where: str) -> dict[str, Any]:
-    names = {f.name for f in dataclasses.fields(kind)}
-    if not isinstance(content, dict) or set(content) != names:
-        raise ConfigError(
-            f"{where} should hold {', '.join(sorted(names))}, and nothing else", content
-        )
-    hints = get_type_hints(kind)
-    return {name: _read(hints[name], content[name], f"{where}: {name}") for name in names}
 
 
 def _require_rigid(X: np.ndarray, what: str) -> None:

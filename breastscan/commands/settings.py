@@ -8,12 +8,9 @@ A command's settings are the fields of the frozen configs among its parameters. 
 
 import ast
 import dataclasses
-import difflib
 import inspect
-import json
 import re
 import textwrap
-import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import wraps
@@ -22,21 +19,14 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
-import yaml
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from breastscan.errors import ConfigError
 from breastscan.run.unfinished import settings_file
+from breastscan.settings import read_file, require_name
 
-READERS: dict[str, Callable[[str], Any]] = {
-    ".json": json.loads,
-    ".toml": tomllib.loads,
-    ".yaml": yaml.safe_load,
-    ".yml": yaml.safe_load,
-}
-"""What reads a file of settings, by how its name ends."""
 REPLACED = ("--set", "--config")
 """Options that stand for others."""
 RESUME = "--resume"
@@ -200,7 +190,7 @@ def _from_text(known: dict[str, Setting], text: str) -> list[str]:
     path = path.replace("-", "_")
     if not equals:
         raise ConfigError(f"--set takes NAME=VALUE, as contact.force=3; got {text!r}", text)
-    _require_setting(known, path)
+    require_name(path, known)
     if get_origin(known[path].kind) is tuple:
         return _option(path, value.strip("[]() ").replace(",", " ").split(), known[path])
     return _option(path, value, known[path])
@@ -208,20 +198,7 @@ def _from_text(known: dict[str, Setting], text: str) -> list[str]:
 
 def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list[str]:
     """The options of a file."""
-    if path.suffix not in READERS:
-        raise ConfigError(
-            f"--config takes a file that ends in {', '.join(READERS)}, as a run's config.json; got "
-            f"{str(path)!r}",
-            path,
-        )
-    try:
-        content = READERS[path.suffix](path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}", path) from error
-    except (ValueError, yaml.YAMLError) as error:  # JSON's and TOML's errors are ValueErrors
-        raise ConfigError(f"{path} is no {path.suffix[1:].upper()} ({error})", path) from error
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path} should hold settings by name, as a run's config.json", path)
+    content = read_file(path, "the file of --config")
     found = []
 
     def holds_settings(name: str) -> bool:
@@ -234,7 +211,7 @@ def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list
         if top in OF_OTHERS and not any(_top(setting) == top for setting in known):
             unused.append(name)
             continue
-        _require_setting(known, name, f" (in {path})")
+        require_name(name, known, f" (in {path})")
         if value is not None or type(None) in get_args(known[name].kind):  # else not set
             found += _option(name, value, known[name])
     return found
@@ -260,21 +237,6 @@ def flat(
             yield from flat(value, is_split, f"{name}.")
         else:
             yield name, value
-
-
-def _require_setting(known: dict[str, Setting], name: str, where: str = "") -> None:
-    if name in known:
-        return
-    near = difflib.get_close_matches(name, known, 3)
-    leaf = [path for path in known if _ends(path, name)]
-    meant = f", did you mean {' or '.join(near or leaf[:3])}?" if near or leaf else "."
-    raise ConfigError(
-        f"there is no setting {name!r}{where}{meant} --help-all lists every setting", name
-    )
-
-
-def _ends(path: str, name: str) -> bool:
-    return path.rpartition(".")[2] == name.rpartition(".")[2]
 
 
 def _option(path: str, value: Any, setting: Setting) -> list[str]:
