@@ -3,16 +3,12 @@
 import numpy as np
 import plotly.graph_objects as go
 from jaxtyping import Float
-from plotly.offline import get_plotlyjs
 
-from breastscan.report import theme
+from breastscan.report import interactive, theme
 from breastscan.run.trajectory import MM_PER_M, Trajectory
 
 ELEMENT_ID = "cloud"
 """Where on the page the view is drawn."""
-OPTIONS = '{responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: ""}'
-"""Without the button that uploads a chart to plotly's server, which is there by default: a scan
-stays where it is."""
 NARROW_PX = 720
 """Width of a page below which the view is drawn from farther away, so that its sides are seen."""
 FARTHER = "for (const c of 'xyz') view.layout.scene.camera.eye[c] *= 1.3"
@@ -48,19 +44,12 @@ def figure(
         "zeroline": False,
     }
     view.update_layout(
-        template="none",
+        **interactive.LAYOUT,
         scene={f"{name}axis": {**axis, "title": {"text": f"{name} in B [mm]"}} for name in "xyz"},
         scene_aspectmode="data",
         scene_camera={
             "eye": {"x": -1.35, "y": -1.35, "z": 1.1},
             "center": {"x": 0, "y": 0, "z": -0.15},
-        },
-        paper_bgcolor="rgba(0,0,0,0)",
-        font={"color": theme.READABLE_ON_BOTH, "family": "system-ui, sans-serif"},
-        modebar={
-            "bgcolor": "rgba(0,0,0,0)",
-            "color": theme.READABLE_ON_BOTH,
-            "activecolor": theme.MEASURED_ON_BOTH,
         },
         legend={"orientation": "h", "y": 0, "yanchor": "top", "itemsizing": "constant"},
         margin={"l": 0, "r": 0, "t": 32, "b": 48},
@@ -69,16 +58,8 @@ def figure(
 
 
 def script(view: go.Figure) -> str:
-    """The scripts that draw `view` into `ELEMENT_ID`: plotly.js itself, so that the page needs
-    no network.
-    """
-    content = str(view.to_json()).replace("<", "\\u003c")
-    call = (
-        f"const view = {content}; if (innerWidth < {NARROW_PX}) {FARTHER}; "
-        f'Plotly.newPlot("{ELEMENT_ID}", view.data, view.layout, '
-        f"{OPTIONS});"
-    )
-    return f"<script>{get_plotlyjs()}</script>\n<script>{call}</script>"
+    """The scripts that draw `view` into `ELEMENT_ID`."""
+    return interactive.script(view, ELEMENT_ID, f"if (innerWidth < {NARROW_PX}) {FARTHER};")
 
 
 def _points(cloud_B: Float[np.ndarray, "n 3"]) -> go.Scatter3d:

@@ -5,6 +5,7 @@ counts as markup.
 import base64
 from collections.abc import Sequence
 from html import escape
+from importlib.resources import files
 
 import cv2
 import numpy as np
@@ -16,6 +17,22 @@ from breastscan.report.theme import to_svg
 
 PICTURE_WIDTH_PX = 800
 JPEG_QUALITY = 82
+
+
+def document(title: str, blocks: Sequence[str], scripts: str = "") -> str:
+    """A whole page in the house's style; `blocks` are markup, and `scripts` come last, so that
+    everything else is shown at once.
+    """
+    style = files("breastscan.report").joinpath("page.css").read_text(encoding="utf-8")
+    return "\n".join(
+        [
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>",
+            *blocks,
+            f"</main>\n{scripts}\n</body>\n</html>\n",
+        ]
+    )
 
 
 def section(title: str, *blocks: str) -> str:
@@ -30,6 +47,11 @@ def section(title: str, *blocks: str) -> str:
 def paragraph(text: str) -> str:
     """A paragraph of plain text."""
     return f"<p>{escape(text)}</p>"
+
+
+def preformatted(text: str) -> str:
+    """Text whose lines and spaces stay as they are."""
+    return f"<pre>{escape(text)}</pre>"
 
 
 def captioned(content: str, caption: str) -> str:
