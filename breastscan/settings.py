@@ -144,7 +144,8 @@ def read_value(kind: Any, content: Any, where: str) -> Any:
         )
     if get_origin(kind) is Literal and content in get_args(kind):
         return content
-    if kind is float and type(content) in (float, int) and math.isfinite(content):
+    is_number = isinstance(content, float | int) and not isinstance(content, bool)
+    if kind is float and is_number and math.isfinite(content):
         return float(content)
     if kind in (bool, int, str) and type(content) is kind:
         return content

@@ -1,0 +1,64 @@
+"""How many of many breasts are scanned well, with every error at once?
+
+Shapes, sizes, stiffness and breath are drawn, and one of ten cells, each with an arm and an
+estimated rig of its own (`assets/studies/population.yaml`).
+"""
+
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import polars
+
+from breastscan.scan import ScanConfig
+from experiments.sweep.spec import SweepSpec, load
+
+SPEC = Path(str(resources.files("assets"))) / "studies" / "population.yaml"
+SET_POINT = ScanConfig().contact.force
+"""Of the contact force [N]."""
+CONDITIONS = {
+    "contact_fraction": (1.0, 1.0),
+    "force_min_n": (SET_POINT - 1.0, None),
+    "force_peak_n": (None, SET_POINT + 1.0),
+    "force_any_peak_n": (None, 8.0),
+    "clearance_body_min_mm": (0.0, None),
+    "surface_density": (0.95, None),
+    "executed_truth_rms_mm": (None, 1.5),
+}
+"""Least and greatest of the metrics of a scan that went well: in contact over the whole loop, the
+true force held within 1 N, nobody pressed hard or touched by anything but the probe's face, and the
+loop followed on a surface that was seen."""
+
+
+def spec(count: int | None) -> SweepSpec:
+    """The population, of so many breasts.
+
+    Raises:
+        ConfigError: There are none.
+    """
+    whole = load(SPEC)
+    return whole if count is None else replace(whole, count=count)
+
+
+def judged(frame: polars.DataFrame) -> polars.DataFrame:
+    """A data set with `success`, and in `cause` what a scan that ended well misses of it."""
+    missed = [_missed(frame, name, low, high) for name, (low, high) in CONDITIONS.items()]
+    told = polars.concat_list(missed).list.drop_nulls().list.join(", ")
+    ended = polars.col("error").is_null()
+    return frame.with_columns(
+        success=ended & (told == ""),
+        cause=polars.when(ended & (told != "")).then("Missed: " + told).otherwise("cause"),
+    )
+
+
+def _missed(
+    frame: polars.DataFrame, name: str, low: float | None, high: float | None
+) -> polars.Expr:
+    """The metric's name where it is out of bounds, or was not measured."""
+    if name not in frame.columns:
+        return polars.lit(name)
+    value = polars.col(name)
+    within = value.is_not_null()
+    within &= polars.lit(True) if low is None else value >= low
+    within &= polars.lit(True) if high is None else value <= high
+    return polars.when(within).then(None).otherwise(polars.lit(name))

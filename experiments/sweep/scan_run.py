@@ -1,0 +1,105 @@
+"""One run of a sweep: a scan of the twin, what was measured, and what ended it early."""
+
+import re
+import time
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from breastscan.errors import BreastScanError
+from breastscan.robot.interface import Robot
+from breastscan.run.trajectory import Sample
+from breastscan.run.writing import as_json, write_image
+from breastscan.scan import ScanPlan, Stages, scan
+from breastscan.vision.camera import StereoRig
+from experiments.sweep.spec import Run
+from sim.cameras.video import CLOSE_UP, render_still
+from sim.twin import Twin
+
+PICTURE_PX = (480, 360)
+"""Of what is pictured of a scan that failed."""
+NUMBER = re.compile(r"[-+]?\d*\.?\d+")
+CLAUSE = re.compile(r"[:;,(]")
+"""What ends the first clause of an error, which tells its kind."""
+
+
+def scan_run(run: Run, pictures: Path) -> dict[str, Any]:
+    """Scan, and tell how it went.
+
+    Args:
+        run: Which.
+        pictures: Folder for the picture of one that fails.
+
+    Returns:
+        The metrics as docs/data.md lists them, for a scan that ended early those of what was done;
+        `error`, `cause`, `picture` (None where it ended well); `touched`: whether the probe met the
+        skin; `refused`: whether it ended before it did; `wall_s` and `cpu_s` of the whole [s].
+    """
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, Any] = {"error": None, "cause": None, "picture": None, "touched": False}
+    try:
+        found |= _scanned(run, pictures)
+    except Exception as error:  # of the settings: nothing was built
+        found |= _told(error)
+    found["refused"] = found["error"] is not None and not found["touched"]
+    found["wall_s"] = time.perf_counter() - wall
+    found["cpu_s"] = time.process_time() - cpu
+    return as_json(found)
+
+
+def _scanned(run: Run, pictures: Path) -> dict[str, Any]:
+    config, stages = run.config(), Stages()
+    rig = None if config.rig is None else StereoRig.load(config.rig)
+    with Twin(config.scene, seed=run.seed, rig=rig, stages=stages) as twin:
+        done = _Done()
+        try:
+            with stages.stage("cameras"):
+                camera = twin.camera
+            result = scan(
+                twin.robot, camera, twin.cell, config, clearances=twin.clearances, stages=stages,
+                keep=done.keep,
+            )  # fmt: skip
+            with stages.stage("truth"):
+                found: dict[str, Any] = twin.measured(result).metrics
+        except Exception as error:
+            found = _told(error) | {"picture": f"{run.number:06}.png"}
+            if done.plan is not None and done.log:
+                found |= {}
+            write_image(pictures / found["picture"], _picture(twin, done))
+        touched = bool((twin.robot.truth_log().force_axial > 0).any())
+    return {**found, "touched": touched, "stages": stages.wall_s}
+
+
+class _Done:
+    """What a scan planned and did, also where it ends early."""
+
+    def __init__(self) -> None:
+        self.plan: ScanPlan | None = None
+        self.log: list[Sample] = []
+
+    def keep(
+        self, images: object, plan: ScanPlan, robot: Robot, log: list[Sample]
+    ) -> nullcontext[None]:
+        self.plan, self.log = plan, log
+        return nullcontext()
+
+
+def _told(error: Exception) -> dict[str, Any]:
+    """An error, and its kind: its first clause, whatever the numbers in it."""
+    name = type(error).__name__
+    kind = CLAUSE.split(NUMBER.sub("#", str(error)))[0].strip()
+    bug = "" if isinstance(error, BreastScanError) else " (a bug)"
+    return {"error": f"{name}{bug}: {error}", "cause": f"{name}{bug}: {kind}"}
+
+
+def _picture(twin: Twin, done: _Done) -> UInt8[np.ndarray, "h w 3"]:
+    """The arm where it ended, or what the left camera saw where it never moved."""
+    if done.log:
+        drawn = render_still(twin.scene, twin.tissue, done.log[-1].q, CLOSE_UP, PICTURE_PX)
+        return cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR).astype(np.uint8)
+    seen = cv2.resize(twin.camera.capture().left, PICTURE_PX, interpolation=cv2.INTER_AREA)
+    return cv2.cvtColor(seen, cv2.COLOR_GRAY2BGR).astype(np.uint8)
