@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from breastscan.report import interactive, theme
-from experiments.sweep.quantities import Quantity
+from experiments.sweep.quantities import NOTHING, Quantity
 from experiments.sweep.statistics import Effect, Level, levels
 
 MAX_POINTS = 2000
@@ -221,7 +221,8 @@ def _axis(values: pl.Series, label: str) -> dict[str, object]:
     if missing.any():
         nowhere = low - GAP * length
         numbers = np.where(missing, nowhere, numbers)
-        ticks, named, low = np.append(ticks, nowhere), [*named, "none"], nowhere
+        ticks, named = np.append(ticks, nowhere), [*named, NOTHING]
+        low = nowhere
     return {
         "label": label,
         "values": [float(f"{value:.5g}") for value in numbers],

@@ -20,6 +20,8 @@ REQUIRED = ("run", "design", "error", "refused")
 """Columns without which there is no report."""
 TEXTS = ("error", "cause", "picture", "command")
 """Columns of texts, each of which may be missing in all runs."""
+TRUTHS = ("touched", "refused")
+"""Columns of what is so or not, and not so where nothing is said."""
 NOTHING = "none"
 """What stands for a word that was not given."""
 UNITS = {"_mm": "mm", "_m": "m", "_deg": "°", "_n": "N", "_s": "s", "_pct": "%", "_px": "px"}
@@ -57,7 +59,7 @@ SUCCESS = Quantity(key="success", label="share of successful runs", worse="low")
 MAIN: dict[str, tuple[str, Side]] = {
     "executed_truth_rms_mm": ("error to the true loop", "high"),
     "force_rmse_n": ("force error, RMS", "high"),
-    "force_any_peak_n": ("highest force", "high"),
+    "force_any_peak_n": ("highest force on the body", "high"),
     "surface_rmse_mm": ("surface error, RMS", "high"),
     "surface_density": ("skin with points", "low"),
     "normal_tilt_mean_deg": ("mean probe tilt", "high"),
@@ -132,16 +134,22 @@ def prepared(frame: pl.DataFrame, varied: Sequence[str]) -> pl.DataFrame:
     succeeded = (
         pl.col("success").fill_null(without_error) if "success" in frame.columns else without_error
     )
-    told = [name for name in TEXTS if name in frame.columns]
+    told, found = ([name for name in names if name in frame.columns] for names in (TEXTS, TRUTHS))
     words = [name for name in varied if not frame.schema[name].is_numeric()]
     return frame.with_columns(
         succeeded.cast(pl.Float64).alias("success"),
-        pl.col("refused").cast(pl.Boolean).fill_null(False),
+        pl.col(found).cast(pl.Boolean).fill_null(False),
         pl.col(told).cast(pl.String),
-        *(pl.col(name).cast(pl.String).fill_null(NOTHING) for name in words),
+        *(_words(frame[name]) for name in words),
         *(finite(pl.col(name)) for name in varied if name not in words),
         *(finite(pl.col(quantity.key)) * quantity.scale for quantity in measured(frame, varied)),
     )
+
+
+def _words(values: pl.Series) -> pl.Series:
+    """Each value as it is written, lists as well."""
+    written = [NOTHING if value is None else str(value) for value in values.to_list()]
+    return pl.Series(values.name, written)
 
 
 def finite(column: pl.Expr) -> pl.Expr:

@@ -55,6 +55,12 @@ def test_a_setting_without_a_value_is_a_word_of_its_own():
     assert prepared(frame, VARIED)["cell"].to_list() == ["none", "a", "none", "b"]
 
 
+@pytest.mark.parametrize(("values", "words"), [([True, False], "True"), ([[1, 2], [3]], "[1, 2]")])
+def test_what_is_no_number_is_a_word(values, words):
+    frame = data_set(2).with_columns(pl.Series("cell", values))
+    assert prepared(frame, VARIED)["cell"][0] == words
+
+
 def test_an_empty_data_set_and_a_lacking_column_are_named():
     with pytest.raises(ConfigError, match="holds no run"):
         prepared(data_set(3).clear(), VARIED)
