@@ -144,8 +144,12 @@ def read_value(kind: Any, content: Any, where: str) -> Any:
         )
     if get_origin(kind) is Literal and content in get_args(kind):
         return content
-    is_number = isinstance(content, float | int) and not isinstance(content, bool)
-    if kind is float and is_number and math.isfinite(content):
+    if (
+        kind is float
+        and isinstance(content, float | int)
+        and not isinstance(content, bool)
+        and math.isfinite(content)
+    ):
         return float(content)
     if kind in (bool, int, str) and type(content) is kind:
         return content
