@@ -10,6 +10,7 @@ under the same path.
 import fcntl
 import json
 import os
+import signal
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, wait
@@ -70,13 +71,20 @@ def here(workers: int) -> Engine:
 
     @contextmanager
     def engine() -> Iterator[tuple[Executor, int]]:
-        pool = ProcessPoolExecutor(max_workers=workers, timeout=IDLE_TIME, env=ONE_THREAD)
+        pool = ProcessPoolExecutor(
+            max_workers=workers, timeout=IDLE_TIME, env=ONE_THREAD, initializer=_leave_interrupts
+        )
         try:
             yield pool, workers
         finally:
             pool.shutdown(kill_workers=True)
 
     return engine
+
+
+def _leave_interrupts() -> None:
+    """Ctrl-C is the driver's, which ends its workers: an interrupted run is no failed one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def dask(address: str, folder: Path) -> Engine:
@@ -165,6 +173,7 @@ def carry_out(
     records = folder / RECORDS
     records.mkdir(parents=True, exist_ok=True)
     with _alone(folder):
+        _forget_deaths(records)
         deaths, left = 0, _left(items, records)
         told(len(items) - len(left))
         while left:
@@ -251,6 +260,16 @@ def once(task: Task[Item], item: Item, folder: str) -> None:
         part = record.with_suffix(f".{socket.gethostname()}-{os.getpid()}.part")
         part.write_text(json.dumps(found), encoding="utf-8")
         part.replace(record)
+
+
+def _forget_deaths(records: Path) -> None:
+    """Runs that ended with an earlier driver died of that; those still at theirs keep their
+    claim.
+    """
+    for path in records.glob("*.lock"):
+        with suppress(BlockingIOError, FileNotFoundError), path.open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -83,6 +83,19 @@ def test_after_a_killed_driver_the_same_sweep_does_the_rest_and_no_run_twice(tmp
     assert sorted(number for number, _ in noted(tmp_path, "ends")) == list(range(RUNS))
 
 
+def test_ctrl_c_as_often_as_one_likes_makes_no_run_a_failed_one(tmp_path):
+    for _ in range(MAX_DEATHS + 1):
+        process = subprocess.Popen(
+            [sys.executable, "-c", DRIVER, str(tmp_path)], cwd=ROOT, start_new_session=True
+        )
+        begun = len(noted(tmp_path, "begins"))
+        wait_for(lambda begun=begun: len(noted(tmp_path, "begins")) > begun)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) != 0
+    carry_out(squared, stubs(RUNS, tmp_path, seconds=0.0), tmp_path, here(2))
+    assert records(tmp_path) == squares(RUNS)
+
+
 def test_a_run_that_takes_its_process_along_counts_as_failed_and_stops_no_other(tmp_path):
     carry_out(deadly, stubs(RUNS, tmp_path), tmp_path, here(2))
     found = records(tmp_path)
