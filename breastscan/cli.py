@@ -114,9 +114,10 @@ def _is_interrupt(error: BaseException | None) -> bool:
 
 
 def _told(error: Exception) -> str | None:
-    """The line for a user; None for what only a programmer can act on."""
+    """The line for a user, and the error's notes; None for what only a programmer can act on."""
     if isinstance(error, BreastScanError):
-        return f"[red]{type(error).__name__}[/]: {escape(str(error))}"
+        notes = getattr(error, "__notes__", [])
+        return f"[red]{type(error).__name__}[/]: " + "\n".join(map(escape, [str(error), *notes]))
     if isinstance(error, OSError) and error.errno in FULL:
         return (
             f"[red]{error.strerror}[/]: free some, or choose another folder with --out; earlier "

@@ -4,6 +4,7 @@ every other.
 Reads what a scan made and what the twin logged; nothing here flows back into the scan.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,21 +116,48 @@ def matching_rows(trajectory: Trajectory, log: TruthLog) -> Int[np.ndarray, "n"]
 
 
 def contact_places(
-    trajectory: Trajectory, log: TruthLog, tissue: Mechanics, truth: Truth
+    trajectory: Trajectory,
+    log: TruthLog,
+    tissue: Mechanics,
+    truth: Truth,
+    on_press: Callable[[int, Float[np.ndarray, "v 3"]], None] = lambda row, skin_S: None,
 ) -> ContactPlaces:
     """Press the probe again where it was during the loop, and look up which point of the skin
     lies under its tip.
+
+    `on_press` is told each row of the truth that was pressed again, and the skin as it then lies.
     """
     on_loop = np.flatnonzero(trajectory.in_loop)[::REPLAY_STEP]
-    X_SP = log.X_SP[matching_rows(trajectory, log)[on_loop]]
-    points = []
-    for X in X_SP:
-        tissue.press(X, np.zeros(3))
-        points.append(truth.material_point(X[None, :3, 3])[0])
-    tissue.reset()
+    rows = matching_rows(trajectory, log)[on_loop]
+    X_SP, points = log.X_SP[rows], []
+    for row, skin_S in pressed_again(rows, log, tissue):
+        points.append(truth.material_point(log.X_SP[row, None, :3, 3], skin_S)[0])
+        on_press(row, skin_S)
     p_S = np.array(points)
     _, n_S = truth.closest(p_S)
     return ContactPlaces(rows=on_loop, p_S=p_S, tilt=se3.angle_between(-X_SP[:, :3, 2], n_S))
+
+
+def pressed_again(
+    rows: Int[np.ndarray, "n"], log: TruthLog, tissue: Mechanics
+) -> Iterator[tuple[int, Float[np.ndarray, "v 3"]]]:
+    """Some rows of the truth, at each of which the skin lies as it did then, pressed by a probe at
+    rest; the tissue rests at the end.
+    """
+    for row in rows.tolist():
+        tissue.press(log.X_SP[row], np.zeros(3))
+        yield row, tissue.deformed_skin()
+    tissue.reset()
+
+
+def rows_off_loop(trajectory: Trajectory, log: TruthLog) -> Int[np.ndarray, "n"]:
+    """Every `REPLAY_STEP`th row of the truth that `contact_places` leaves out, and the one in which
+    something rigid was pressed hardest.
+    """
+    wanted = np.arange(len(log.time)) % REPLAY_STEP == 0
+    wanted[matching_rows(trajectory, log)[trajectory.in_loop]] = False
+    wanted[log.rigid_force.argmax()] |= log.rigid_force.any()
+    return np.flatnonzero(wanted)
 
 
 def execution_metrics(
@@ -154,17 +182,27 @@ def execution_metrics(
 
 
 def force_metrics(trajectory: Trajectory, set_point: float) -> dict[str, float]:
-    """True contact force along the probe axis, over the loop from `STEADY_AFTER` on; contact
-    over the whole loop.
+    """True contact force along the probe axis, over the loop from `STEADY_AFTER` on, where it came
+    so far; contact over the whole loop.
     """
     assert trajectory.true_force is not None, "`with_truth` comes first"
     assert trajectory.true_depth is not None, "`with_truth` comes first"
     force, t = trajectory.true_force[trajectory.in_loop], trajectory.t[trajectory.in_loop]
     steady = force[t - t[0] >= STEADY_AFTER]
-    return {
-        "force_rmse_n": rms(steady - set_point),
-        "force_peak_n": float(steady.max()),
-        "force_min_n": float(steady.min()),
+    extremes = {}
+    if steady.size > 0:
+        extremes = {
+            "force_rmse_n": rms(steady - set_point),
+            "force_peak_n": float(steady.max()),
+            "force_min_n": float(steady.min()),
+        }
+    return extremes | {
         "contact_fraction": float((force > 0).mean()),
         "indentation_max_mm": float(trajectory.true_depth.max() * 1e3),
     }
+
+
+def breathing_metrics(trajectory: Trajectory, log: TruthLog) -> dict[str, float]:
+    """How the chest moved during the loop."""
+    rise = log.rise[matching_rows(trajectory, log)[trajectory.in_loop]]
+    return {"breathing_amplitude_mm": float(np.ptp(rise) / 2 * 1e3)}

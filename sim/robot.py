@@ -22,6 +22,7 @@ from sim.arm import divergence
 from sim.arm.drives import STIFFNESS, Drives
 from sim.arm.servo import ServoConfig, ServoJ
 from sim.arm.ur5e import JOINTS, joint_names
+from sim.room.rigid_contacts import rigid_contact
 from sim.scene import HOME_Q, Scene
 from sim.tissue.breathing import rise, rising_speed
 from sim.tissue.contact import Contact, Mechanics
@@ -358,6 +359,8 @@ class SimRobot:
         if self._held_periods:
             self._clamp(q, qd)
         mujoco.mj_step2(self._model, data)
+        if data.ncon:
+            self._truth.add_rigid(rigid_contact(self._model, data, time, self._X_SB[:3, :3]))
         load_F = -data.sensordata[:6]  # MuJoCo gives what the sensor does to the tool
         wrench_P = self._sensor.measure(load_F, self._R_BF, *self._tool_motion())
         self._sample = RobotState(
@@ -414,7 +417,7 @@ class SimRobot:
         X_SP[2, 3] -= lift
         self._data.mocap_pos[0, 2] = self._X_BS[2, 3] + lift
         if self._tissue is None:
-            self._truth.add(time, q, NOTHING, 0.0, X_SP)
+            self._truth.add(time, q, NOTHING, 0.0, X_SP, lift)
             return X_SP
         velocity_S = R_SB @ self._tip_velocity()
         velocity_S[2] -= rising_speed(self._breathing, breath_time)
@@ -425,7 +428,7 @@ class SimRobot:
         mujoco.mju_cross(moment_B, lever_B, force_B)
         self._applied[:3] = force_B
         self._applied[3:] = contact.torque_S @ R_SB + moment_B
-        self._truth.add(time, q, contact.force_S, contact.depth, X_SP)
+        self._truth.add(time, q, contact.force_S, contact.depth, X_SP, lift)
         return X_SP
 
     def _tip_velocity(self) -> Float[np.ndarray, "3"]:

@@ -65,11 +65,13 @@ class Truth:
                 break
         return self._phantom.embed(direction), self._phantom.normal(direction)
 
-    def material_point(self, p_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    def material_point(
+        self, p_S: Float[np.ndarray, "n 3"], deformed_S: Float[np.ndarray, "v 3"] | None = None
+    ) -> Float[np.ndarray, "n 3"]:
         """Where on the undeformed skin that point lies which is now, deformed, the closest one
-        to `p_S` [m].
+        to `p_S` [m]; `deformed_S` is the tissue's deformed skin, where it is at hand.
         """
-        deformed_S = self._tissue.deformed_skin()
+        deformed_S = self._tissue.deformed_skin() if deformed_S is None else deformed_S
         skin = self._phantom.skin
         around = self._faces_around[_nearest(deformed_S, p_S)]
         triangles = skin.triangles[around]

@@ -4,16 +4,21 @@ scan of it got wrong.
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
 
 from breastscan.cell import Cell
 from breastscan.geometry import se3
-from breastscan.scan import ScanResult, Stages
+from breastscan.run.trajectory import Trajectory
+from breastscan.scan import ScanConfig, ScanResult, Stages
 from breastscan.vision.camera import StereoRig
 from sim import error_analysis
 from sim.cameras.camera import SimStereoCamera
 from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
+from sim.room.body_gap import BodyGap
 from sim.room.cell import cell_of
 from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
@@ -81,25 +86,72 @@ class Twin:
         """What is known exactly of the phantom."""
         return Truth(self.scene.phantom, self.tissue)
 
+    @property
+    def touched_else(self) -> str | None:
+        """What else touched so far than the probe's face and the breast, how hard and when, as a
+        sentence; None if nothing did (`TruthLog.touched_else`).
+        """
+        return self.robot.truth_log().touched_else
+
+    def explain(self, error: BaseException) -> None:
+        """Note on an error that ended a scan what else touched than the probe's face, if anything
+        did: the scan can only guess at that.
+        """
+        told = self.touched_else
+        if told is not None:
+            error.add_note(told)
+
     def measured(self, result: ScanResult) -> ScanResult:
         """A scan of this twin, held against the truth: the true contact in its trajectory, every
         error in its metrics.
 
         The tissue is pressed again where the probe was, and then rests.
         """
-        log, went = self.robot.truth_log(), result.trajectory
-        places = None
-        if went.has_loop:  # else it was in the air
-            places = error_analysis.contact_places(went, log, self.tissue, self.truth)
-        trajectory = error_analysis.with_truth(went, log, places)
-        metrics = self._perception_metrics(result) | result.metrics
-        if places is not None:
-            config = result.config
-            metrics |= error_analysis.execution_metrics(
+        trajectory, contact = self.contact_metrics(result.trajectory, result.config)
+        metrics = self._perception_metrics(result) | result.metrics | contact
+        return replace(result, trajectory=trajectory, metrics=metrics)
+
+    def contact_metrics(
+        self, trajectory: Trajectory, config: ScanConfig
+    ) -> tuple[Trajectory, dict[str, Any]]:
+        """An execution by this twin, complete or ended early, held against the truth.
+
+        What is told of the body as a whole, the force on it and the gap to it, is of all that the
+        robot did since it was switched on. The tissue is pressed again where the probe was, and
+        then rests.
+
+        Args:
+            trajectory: What was done; of a scan that failed, `scan_log.trajectory` of its log.
+            config: What it was done with.
+
+        Returns:
+            The trajectory with the true contact, and of the metrics (docs/data.md) those that can
+            be told: of the part of the loop that was done, if any was.
+        """
+        log, gap = self.robot.truth_log(), BodyGap(self.scene)
+
+        def see(row: int, skin_S: Float[np.ndarray, "v 3"]) -> None:
+            gap.add(log.q[row], float(log.rise[row]), skin_S)
+
+        places, metrics = None, {}
+        if trajectory.has_loop:  # else it was in the air
+            places = error_analysis.contact_places(trajectory, log, self.tissue, self.truth, see)
+            metrics = error_analysis.execution_metrics(
                 places, self.scene.X_BS, self.truth, config.planning.pattern.height_fraction
             )
+        trajectory = error_analysis.with_truth(trajectory, log, places)
+        if places is not None:
             metrics |= error_analysis.force_metrics(trajectory, config.contact.force)
-        return replace(result, trajectory=trajectory, metrics=metrics)
+            metrics |= error_analysis.breathing_metrics(trajectory, log)
+        rest = error_analysis.rows_off_loop(trajectory, log)
+        pressing = log.depth[rest] > 0
+        for row, skin_S in error_analysis.pressed_again(rest[pressing], log, self.tissue):
+            see(row, skin_S)
+        for row in rest[~pressing].tolist():
+            see(row, self.scene.phantom.skin.vertices_S)
+        metrics["force_any_peak_n"] = float(log.force_any.max())
+        metrics["clearance_body_min_mm"] = gap.smallest * 1e3
+        return trajectory, metrics
 
     def _perception_metrics(self, result: ScanResult) -> dict[str, Any]:
         """Surface, rig and path of a scan."""
@@ -117,7 +169,7 @@ class Twin:
         if "camera" in vars(self):
             self.camera.close()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Twin":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -55,6 +55,17 @@ def test_an_expected_error_ends_in_one_line_and_status_one(capsys, monkeypatch):
     assert err.strip() == "PlanningError: point 3 lies 40 mm out of reach: move the phantom closer"
 
 
+def test_notes_on_an_error_are_told_below_it(capsys, monkeypatch):
+    def fail() -> None:
+        error = PlanningError("too far")
+        error.add_note("In the twin, [link 4] touched the table")
+        raise error
+
+    monkeypatch.setattr(doctor, "doctor", fail)
+    told = run(capsys, "doctor")[2].splitlines()
+    assert told == ["PlanningError: too far", "In the twin, [link 4] touched the table"]
+
+
 def test_brackets_in_an_error_are_told_as_they_are(capsys, monkeypatch):
     def fail() -> None:
         raise PlanningError("expected [m], got [/red]", 3)

@@ -33,6 +33,8 @@ def keep(
     cell: Cell,
     settings: dict[str, Any],
     also: Callable[[Path], None] = lambda folder: None,
+    *,
+    explain: Callable[[BaseException], None] = lambda error: None,
 ) -> Keep:
     """What keeps a scan into `out` for `--resume`, beside earlier results.
 
@@ -41,6 +43,7 @@ def keep(
         cell: Where robot and cameras stand.
         settings: All that the scan is made with.
         also: Saves into a folder what else is known when an error cuts the scan off.
+        explain: Adds to the error, as notes, what else is known of it.
     """
 
     @contextmanager
@@ -52,6 +55,7 @@ def keep(
             with journal.written(folder / JOURNAL_FILE, log):
                 yield
         except BaseException as error:
+            explain(error)
             if len(log) > earlier:
                 trajectory = scan_log.trajectory(log, plan.motion, robot)
                 try:

@@ -188,15 +188,15 @@ def _scan_twin(
         with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
 
             def keep_truth(place: Path) -> None:
-                np.savez(place / TRUTH_FILE, **vars(twin.robot.truth_log()))
+                twin.robot.truth_log().keep(place / TRUTH_FILE)
 
             known = _recall_truth(twin, out / ABORTED / TRUTH_FILE, cut_off)
             with stages.stage("cameras"):
                 camera = twin.camera if cut_off is None else FolderCamera(out / ABORTED)
             result = run_scan(
                 twin.robot, camera, twin.cell, config, clearances=twin.clearances, stages=stages,
-                on_plan=tell_plan, keep=resumption.keep(out, twin.cell, whole, keep_truth),
-                cut_off=cut_off,
+                on_plan=tell_plan, cut_off=cut_off,
+                keep=resumption.keep(out, twin.cell, whole, keep_truth, explain=twin.explain),
             )  # fmt: skip
             with stages.stage("truth"):
                 result = twin.measured(result) if known else result
@@ -218,15 +218,13 @@ def _recall_truth(twin: Twin, file: Path, cut_off: CutOff | None) -> bool:
     """Let a twin go on after the truth of a scan that was cut off; whether all of it is known."""
     if cut_off is None or not cut_off.log:
         return True
-    if file.is_file():
-        with np.load(file) as kept:
-            truth = TruthLog(**kept)
-        if truth.time[-1] >= cut_off.log[-1].time:
-            twin.robot.go_on(truth)
-            return True
+    truth = TruthLog.load(file) if file.is_file() else None
+    if truth is not None and truth.time[-1] >= cut_off.log[-1].time:
+        twin.robot.go_on(truth)
+        return True
     console.print(
-        "[yellow]What was true of the scan so far was lost when its program was killed: nothing "
-        "is measured against the truth, and there is no video.[/]",
+        "[yellow]What was true of the scan so far was lost when its program was killed, or is less "
+        "than this version keeps: nothing is measured against the truth, and there is no video.[/]",
         soft_wrap=True,
     )
     return False

@@ -78,7 +78,8 @@ def view(
                 camera = twin.camera
             result = scan(
                 twin.robot, camera, twin.cell, config, clearances=twin.clearances,
-                stages=stages, on_plan=shown, keep=resumption.keep(out, twin.cell, whole),
+                stages=stages, on_plan=shown,
+                keep=resumption.keep(out, twin.cell, whole, explain=twin.explain),
             )  # fmt: skip
             with stages.stage("truth"):
                 result = twin.measured(result)

@@ -99,6 +99,8 @@ CATALOGUE: tuple[Metric, ...] = (
         ("executed_truth_mean_abs_mm", "Error to the true loop, mean absolute (x/y/z)", "mm"),
         ("executed_truth_rms_mm", "Error to the true loop, RMS", "mm"),
         ("normal_tilt_mean_deg", "Probe axis off the true normal, mean", "°"),
+        ("clearance_body_min_mm", "Arm and tool from the body, the face aside, smallest gap", "mm"),
+        ("breathing_amplitude_mm", "Chest's rise and fall, amplitude", "mm"),
         ("joint_speed_peak_rad_s", "Peak joint speed (1 to 6)", "°/s", math.degrees(1.0)),
     ),
     *_group(
@@ -106,6 +108,7 @@ CATALOGUE: tuple[Metric, ...] = (
         ("force_rmse_n", "Contact force about the set-point, RMS", "N"),
         ("force_peak_n", "Contact force, highest", "N"),
         ("force_min_n", "Contact force, lowest", "N"),
+        ("force_any_peak_n", "Force on the body in any direction, highest", "N"),
         ("contact_fraction", "Loop time in contact", "%", 100.0),
     ),
     *_group(

@@ -108,6 +108,15 @@ TRUTH: Columns = {
     "force_axial": LOG["true_force"],
     "depth": LOG["true_depth"],
     "X_SP": _pose("tip_{}_phantom", "probe tip in the phantom", "S"),
+    "rise": _one("chest_rise_m", "height of the chest over the end of an exhalation", "m"),
+    "chest_S": _vector("chest_force_{}_n", "force of the chest plate on arm and tool", "N", "S"),
+    "rigid_force": _one(
+        "rigid_force_n", "force between the two rigid shapes that press each other hardest", "N"
+    ),
+    "of_arm": _one(
+        "rigid_of_arm", "the arm's or tool's of the two; empty where none touch", kind="text"
+    ),
+    "of_other": _one("rigid_of_other", "the other", kind="text"),
 }
 """Of `truth.parquet`, by the fields of `sim`'s log of the truth."""
 

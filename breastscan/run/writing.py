@@ -158,6 +158,7 @@ def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Pa
     content = {
         "error": type(error).__name__,
         "message": str(error),
+        "notes": getattr(error, "__notes__", []),
         "path_reached_m": reached,
         **provenance(),
     }

@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 
 from breastscan import cli
+from breastscan.commands.scan import _recall_truth
 from breastscan.errors import ConfigError
 from breastscan.run import journal
-from breastscan.run.trajectory import OVERLAP, RESUME, Trajectory
+from breastscan.run.trajectory import OVERLAP, RESUME, Sample, Trajectory
 from breastscan.run.unfinished import ABORTED, settings_file
+from breastscan.scan import CutOff
 from breastscan.scan_log import OVERLAP_LENGTH
+from sim import PhantomConfig, SceneConfig, Twin
 from sim.controller.fault_injection import TwinControl
 from sim.robot import SimRobot
+from sim.truth_log import TruthRecorder
 from tests.sim.controller.served import ROOT, address, ask_dashboard, pass_time, served
 
 HOST = address(49)
@@ -122,6 +126,22 @@ def test_a_scan_in_process_goes_on_with_its_truth(cut_off, capsys):
     np.testing.assert_array_equal(log.t[: len(done)], [sample.time for sample in done])
     assert "nothing to resume: the scan in" in refused(capsys, "--resume", cut_off)
     assert json.loads((cut_off / "config.json").read_text())["planning"] == begun["planning"]
+
+
+def test_the_truth_of_a_version_that_kept_less_is_none(tmp_path, capsys):
+    """The scan goes on, and says that nothing is measured against the truth."""
+    sample = Sample(1.0, "loop", 0.0, *[np.zeros(6)] * 4, True)
+    whole = TruthRecorder()
+    whole.add(1.0, np.zeros(6), np.zeros(3), 0.0, np.eye(4), 0.0)
+    kept = vars(whole.log())
+    cut_off = CutOff(log=[sample], q=np.zeros((1, 6)), q_home=np.zeros(6))
+    twin = Twin(SceneConfig(phantom=PhantomConfig(mechanics="printed")))
+    np.savez(tmp_path / "truth.npz", **{name: kept[name] for name in kept if name != "rise"})
+    assert not _recall_truth(twin, tmp_path / "truth.npz", cut_off)
+    assert "less than this version keeps" in " ".join(capsys.readouterr().out.split())
+    np.savez(tmp_path / "truth.npz", **kept)
+    assert _recall_truth(twin, tmp_path / "truth.npz", cut_off)
+    assert twin.robot.state().time == pytest.approx(1.0 + PERIOD)
 
 
 def test_a_folder_in_which_nothing_was_cut_off_is_told(tmp_path):

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import tyro
 
+from breastscan import cli
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.commands import settings
 from breastscan.commands.results import kept_elsewhere
@@ -24,6 +25,7 @@ from breastscan.errors import CalibrationError, ConfigError, PerceptionError, Pl
 from breastscan.robot.interface import Robot
 from breastscan.run.bars import SCAN, bars_of
 from breastscan.run.trajectory import Trajectory
+from breastscan.run.unfinished import ABORTED
 from breastscan.scan import PerceptionConfig, ScanConfig, Stages, perceive
 from breastscan.vision.camera import StereoRig
 from sim.arm.servo import ServoConfig
@@ -190,6 +192,20 @@ def test_a_scan_that_cannot_be_made_leaves_earlier_results_whole(tmp_path, scene
         scan(tmp_path, video=False, scene=scene(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["metrics.json"]
     assert (tmp_path / "metrics.json").read_text() == "earlier"
+
+
+def test_a_scan_whose_probe_meets_the_chest_plate_is_told_so(tmp_path, capsys):
+    """A flat breast: its half-height loop lies so low that the probe's body is on the plate before
+    its face is on the skin. The controller can only wonder at its sensor.
+    """
+    with pytest.raises(SystemExit):
+        cli.main(["scan", "--scene.phantom.breast", "dense", "--no-video", "--out", str(tmp_path)])
+    told = capsys.readouterr().err
+    abort = json.loads((tmp_path / ABORTED / "abort.json").read_text())
+    assert "check the sensor and its cable" in abort["message"]
+    (note,) = abort["notes"]
+    assert "the probe's body touched the chest plate, first at" in note
+    assert f"{abort['message']}\n{note}" in told
 
 
 def test_a_file_that_is_not_a_rig_is_named(tmp_path):

@@ -100,14 +100,15 @@ def test_what_a_cut_off_scan_measured_lies_beside_earlier_results_until_the_next
         (folder / "metrics.json").write_text("first")
     whole = synthetic_log(np.random.default_rng(0))
     trajectory = replace(whole, s=np.where(whole.s > 0.012, np.nan, whole.s))
-    folder = writing.write_aborted(
-        tmp_path, trajectory, SafetyError("contact force 10.2 N is above the limit", 10.2)
-    )
+    error = SafetyError("contact force 10.2 N is above the limit", 10.2)
+    error.add_note("the probe's body touched the chest plate")
+    folder = writing.write_aborted(tmp_path, trajectory, error)
     told = json.loads((folder / "abort.json").read_text())
     assert (tmp_path / "metrics.json").read_text() == "first"
     np.testing.assert_array_equal(Trajectory.load(folder / LOG_FILE).s, trajectory.s)
     assert told["error"] == "SafetyError"
     assert told["message"] == "contact force 10.2 N is above the limit"
+    assert told["notes"] == ["the probe's body touched the chest plate"]
     assert told["path_reached_m"] == np.nanmax(trajectory.s)
     with writing.staged(tmp_path):
         pass

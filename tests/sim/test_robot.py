@@ -290,3 +290,28 @@ def test_a_tissue_too_stiff_for_the_time_step_is_named_and_the_arm_stays_stopped
         robot.servo_joint(q)
     assert again.value is caught.value
     Path(caught.value.value).unlink()
+
+
+def test_what_the_probes_body_presses_is_in_the_truth_and_in_the_sensor(quiet_scene):
+    """Beside the breast, straight down on the chest plate: statics, as with the tissue."""
+    X_BP = quiet_scene.X_BS @ se3.pose(np.diag([1.0, -1.0, -1.0]), np.array([-0.13, 0.0, 0.0]))
+    q = nearest(kinematics.inverse(X_BP @ se3.inverse(quiet_scene.X_FP)), HOME_Q)
+    robot = SimRobot(quiet_scene)
+    robot.move_joint(q, 1.0, 3.0)
+    robot.tare()
+    before = robot.truth_log()
+    assert not before.rigid_force.any()
+    assert before.touched_else is None
+    targets = straight_down(quiet_scene, q, depth=0.0105, speed=0.005)
+    for target in targets + [targets[-1]] * 500:
+        robot.servo_joint(target)
+    truth, state = robot.truth_log(), robot.state()
+    assert truth.chest_S[-1, 2] > 5.0
+    chest_P = truth.X_SP[-1, :3, :3].T @ truth.chest_S[-1]
+    np.testing.assert_allclose(state.wrench_P[:3], chest_P, atol=0.2)
+    assert truth.force_any.max() == pytest.approx(np.linalg.norm(truth.chest_S, axis=1).max())
+    touching = truth.of_arm != ""
+    assert truth.X_SP[touching, 2, 3].max() == pytest.approx(-0.010, abs=0.1e-3)
+    assert set(truth.of_arm[touching]) == {"probe_hull"}
+    assert set(truth.of_other[touching]) == {"chest_hull"}
+    assert "the probe's body touched the chest plate" in truth.touched_else
