@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from breastscan import scan_log
 from breastscan.errors import BreastScanError
 from breastscan.robot.interface import Robot
 from breastscan.run.trajectory import Sample
 from breastscan.run.writing import as_json, write_image
-from breastscan.scan import ScanPlan, Stages, scan
+from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
 from experiments.sweep.spec import Run
 from sim.cameras.video import CLOSE_UP, render_still
@@ -23,6 +24,8 @@ from sim.twin import Twin
 PICTURE_PX = (480, 360)
 """Of what is pictured of a scan that failed."""
 NUMBER = re.compile(r"[-+]?\d*\.?\d+")
+EXPLAINED = "In the twin, "
+"""Before what the twin knows of an error (`Twin.explain`)."""
 CLAUSE = re.compile(r"[:;,(]")
 """What ends the first clause of an error, which tells its kind."""
 
@@ -66,9 +69,9 @@ def _scanned(run: Run, pictures: Path) -> dict[str, Any]:
             with stages.stage("truth"):
                 found: dict[str, Any] = twin.measured(result).metrics
         except Exception as error:
-            found = _told(error) | {"picture": f"{run.number:06}.png"}
-            if done.plan is not None and done.log:
-                found |= {}
+            twin.explain(error)
+            found = _told(error) | done.metrics(twin, config)
+            found["picture"] = f"{run.number:06}.png"
             write_image(pictures / found["picture"], _picture(twin, done))
         touched = bool((twin.robot.truth_log().force_axial > 0).any())
     return {**found, "touched": touched, "stages": stages.wall_s}
@@ -87,13 +90,23 @@ class _Done:
         self.plan, self.log = plan, log
         return nullcontext()
 
+    def metrics(self, twin: Twin, config: ScanConfig) -> dict[str, Any]:
+        """Of the execution until it ended, if it began."""
+        if self.plan is None or not self.log:
+            return {}
+        trajectory = scan_log.trajectory(self.log, self.plan.motion, twin.robot)
+        return twin.contact_metrics(trajectory, config)[1]
+
 
 def _told(error: Exception) -> dict[str, Any]:
-    """An error, and its kind: its first clause, whatever the numbers in it."""
-    name = type(error).__name__
-    kind = CLAUSE.split(NUMBER.sub("#", str(error)))[0].strip()
-    bug = "" if isinstance(error, BreastScanError) else " (a bug)"
-    return {"error": f"{name}{bug}: {error}", "cause": f"{name}{bug}: {kind}"}
+    """An error with what the twin knows of it, and its kind: the first clause, whatever the numbers
+    in it.
+    """
+    name = type(error).__name__ + ("" if isinstance(error, BreastScanError) else " (a bug)")
+    notes = list(getattr(error, "__notes__", []))
+    known = notes[0].removeprefix(EXPLAINED) if notes else str(error)
+    kind = CLAUSE.split(NUMBER.sub("#", known))[0].strip()
+    return {"error": ". ".join([f"{name}: {error}", *notes]), "cause": f"{name}: {kind}"}
 
 
 def _picture(twin: Twin, done: _Done) -> UInt8[np.ndarray, "h w 3"]:

@@ -2,7 +2,8 @@
 
 import cv2
 
-from experiments.sweep.scan_run import scan_run
+from breastscan.errors import SafetyError
+from experiments.sweep.scan_run import _told, scan_run
 from experiments.sweep.spec import Run
 
 
@@ -25,3 +26,17 @@ def test_a_breast_that_cannot_be_reached_is_pictured_as_it_was_seen(tmp_path):
     assert (record["touched"], record["refused"]) == (False, True)
     assert record["stages"]["stereo"] > 0
     assert cv2.imread(str(tmp_path / record["picture"])).shape == (360, 480, 3)
+
+
+def test_the_kind_of_a_failure_is_what_the_twin_knows_of_it():
+    error = SafetyError(
+        "the measured force jumped from 1.5 to 21.2 N between two samples, in which"
+    )
+    assert _told(error)["cause"] == (
+        "SafetyError: the measured force jumped from # to # N between two samples"
+    )
+    error.add_note("In the twin, the probe's body touched the chest plate, first at 12.814 s")
+    told = _told(error)
+    assert told["cause"] == "SafetyError: the probe's body touched the chest plate"
+    assert told["error"].endswith("in which. " + error.__notes__[0])
+    assert _told(ZeroDivisionError("by 0"))["cause"] == "ZeroDivisionError (a bug): by #"
