@@ -17,6 +17,7 @@ from experiments import (
     study_cameras,
     study_force,
     study_joints,
+    study_paper,
     study_phantom,
     study_population,
     study_sweep,
@@ -30,6 +31,7 @@ STUDIES = {
     "cameras": study_cameras,
     "force": study_force,
     "joints": study_joints,
+    "paper": study_paper,
     "phantom": study_phantom,
     "twin": study_twin,
     "weights": study_weights,
@@ -58,10 +60,11 @@ def study(
     Args:
         name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well
             each force law holds the probe, an hour. joints: what the six joints do along the loop,
-            with fixed and with free roll. phantom: how far its mechanics can be trusted, and what
-            they cost. population: how many of many breasts are scanned well. report: the page of a
-            sweep's data set. sweep: what scans do when their settings vary. twin: how the simulated
-            arm and its wrist sensor behave. weights: what the weights of a NURBS curve do.
+            with fixed and with free roll. paper: every figure and table of the paper beside the
+            twin's. phantom: how far its mechanics can be trusted, and what they cost. population:
+            how many of many breasts are scanned well. report: the page of a sweep's data set.
+            sweep: what scans do when their settings vary. twin: how the simulated arm and its wrist
+            sensor behave. weights: what the weights of a NURBS curve do.
         source: Of a sweep its file, of a report the data set (docs/studies.md).
         out: Folder for the results, by default out/study_NAME; a sweep that was cut off goes on in
             its own.

@@ -6,50 +6,20 @@ is always actual minus theoretical.
 """
 
 from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
+import yaml
 from jaxtyping import Float
 
-TABLE4_THEORETICAL_MM: Float[np.ndarray, "15 3"] = np.array(
-    [
-        [-154.5, 352.3, 4.1],
-        [-137.8, 384.1, 1.3],
-        [-99.2, 406.6, 0.5],
-        [-71.2, 393.3, 1.1],
-        [-54.0, 371.7, 1.0],
-        [-43.2, 342.2, 0.9],
-        [-47.9, 310.4, 1.8],
-        [-60.2, 283.5, 5.4],
-        [-76.2, 266.4, 6.6],
-        [-96.7, 260.2, 6.3],
-        [-113.8, 260.1, 6.4],
-        [-133.6, 267.7, 7.1],
-        [-146.3, 280.9, 7.8],
-        [-158.4, 297.4, 7.2],
-        [-161.7, 327.4, 6.3],
-    ]
+PUBLISHED: dict[str, Any] = yaml.safe_load(
+    files("assets").joinpath("paper.yaml").read_text(encoding="utf-8")
 )
+"""What the paper prints, number for number, and its statement of every figure and table."""
+TABLE4_THEORETICAL_MM: Float[np.ndarray, "15 3"] = np.array(PUBLISHED["table_4"])[:, 0]
 """The fifteen planned path points (x, y, z) in B [mm] [Zhang, Table 4]."""
-
-TABLE4_ACTUAL_MM: Float[np.ndarray, "15 3"] = np.array(
-    [
-        [-156.0, 352.0, 4.4],
-        [-138.1, 384.3, 0.9],
-        [-99.5, 407.0, 0.2],
-        [-71.8, 393.8, 1.8],
-        [-53.3, 371.5, 0.4],
-        [-44.3, 342.1, 0.1],
-        [-47.0, 310.7, 3.1],
-        [-59.6, 284.4, 7.2],
-        [-77.0, 267.1, 8.2],
-        [-95.8, 259.4, 6.5],
-        [-114.2, 259.6, 6.7],
-        [-132.3, 267.1, 8.8],
-        [-147.9, 281.3, 8.6],
-        [-158.2, 298.7, 6.0],
-        [-162.4, 327.2, 5.0],
-    ]
-)
+TABLE4_ACTUAL_MM: Float[np.ndarray, "15 3"] = np.array(PUBLISHED["table_4"])[:, 1]
 """The points that the paper's robot reached, in the same order (x, y, z) in B [mm] [Zhang, Table
 4]."""
 
