@@ -49,16 +49,13 @@ def measured(seed: int) -> Calibrated:
     day = ShownBoard(board, seed, config)
     truth = day.scene.rig
     X_LBoard = board_poses(truth, board, config, np.random.default_rng(seed))
-    shots, places, pairs = [], [], []
-    for (name, pair), X in zip(day, X_LBoard, strict=True):
-        pairs.append(pair)
-        shot = find_shot(name, pair.left, pair.right, board)
-        if shot is not None:
-            shots.append(shot)
-            places.append(X)
+    pairs = dict(day)
+    found = [find_shot(name, pair.left, pair.right, board) for name, pair in pairs.items()]
+    shots = [shot for shot in found if shot is not None]
+    places = [X for shot, X in zip(found, X_LBoard, strict=True) if shot is not None]
     return Calibrated(
         shown=len(pairs),
-        pair=pairs[int(shots[0].name)],
+        pair=pairs[shots[0].name],
         result=calibration.calibrate(shots, (truth.left.width, truth.left.height), board),
         truth=truth,
         corner_errors_px=corner_errors_px(truth, np.array(places), shots, board),

@@ -32,7 +32,12 @@ def scattered(
 
 
 def in_space(
-    axis: Any, points_mm: Float[np.ndarray, "n 3"], values: np.ndarray | None = None, **look: Any
+    axis: Any,
+    points_mm: Float[np.ndarray, "n 3"],
+    values: np.ndarray | None = None,
+    *,
+    zoom: float = VIEW_ZOOM,
+    **look: Any,
 ) -> PathCollection:
     """Points in B [mm] from the side, coloured by `values` or else by their height."""
     shown = {"s": 0.6, "cmap": SKIN, "linewidths": 0, "rasterized": True, **look}
@@ -41,7 +46,7 @@ def in_space(
     axis.set(xlabel="x in B [mm]", ylabel="y in B [mm]", zlabel="z in B [mm]")
     axis.view_init(elev=28, azim=-140)
     axis.set_aspect("equal")
-    axis.set_box_aspect(axis.get_box_aspect(), zoom=VIEW_ZOOM)
+    axis.set_box_aspect(axis.get_box_aspect(), zoom=zoom)
     for each in (axis.xaxis, axis.yaxis, axis.zaxis):
         each.set_major_locator(MaxNLocator(TICKS))
     return dots

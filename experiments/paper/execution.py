@@ -68,7 +68,7 @@ def _rows(scans: Sequence[Scanned]) -> dict[str, ErrorStatistics]:
 
 def _table(scans: Sequence[Scanned]) -> Item:
     rows = _rows(scans)
-    loud, light, quiet = rows[scans[0].name], rows[scans[1].name], rows[scans[2].name]
+    loud, light, quiet = (rows[scan.name] for scan in scans[:3])
     bare = rows[f"{scans[2].name}, without the silicone"]
     paper_mm = np.array(PUBLISHED["mean_abs_mm"])
     better = bool((loud.mean_abs_mm < paper_mm).all())

@@ -40,13 +40,12 @@ def measured(rig: StereoRig, seed: int) -> Placed:
     """Let the arm show its board to the cameras, and find them with a calibrated rig."""
     board, config = Board(), PoseConfig()
     day = HeldBoard(board, seed, config)
-    shots, stated, pictures = [], [], []
-    for name, pair, X_BF in day:
-        shot = find_shot(name, pair.left, pair.right, board)
-        if shot is not None:
-            shots.append(shot)
-            stated.append(X_BF)
-            pictures.append(pair.left)
+    found = [
+        (shot, X_BF, pair.left)
+        for name, pair, X_BF in day
+        if (shot := find_shot(name, pair.left, pair.right, board)) is not None
+    ]
+    shots, stated, pictures = (list(values) for values in zip(*found, strict=True))
     shown = list(range(0, len(shots), max(len(shots) // SHOWN, 1)))[:SHOWN]
     return Placed(
         poses=config.poses,

@@ -18,6 +18,8 @@ from sim import error_analysis
 
 AROUND_PX = 60
 """What the pictures show around the breast [px]."""
+PAIR_ZOOM = 1.0
+"""Of two views in space side by side, whose labels need the room between them."""
 OPENCV_STEP = 16
 """OpenCV's matcher takes a multiple of so many disparities."""
 
@@ -53,7 +55,7 @@ def _disparity(scan: Scanned, matched: Matched) -> Item:
         "this against.",
         figure=figure,
         shows="Disparity of the breast and the plate around it, by the paper's steps and refined; "
-        "black is unknown, and what lies beside the plate is chance.",
+        "black is unknown.",
         data={
             column("map", "how the disparity was found", kind="text"): np.array(list(rows)),
             column("rmse_mm", "distance of the points from the true skin, RMS", "mm"): rmse_mm,
@@ -97,11 +99,11 @@ def _cloud(scan: Scanned) -> Item:
     errors_mm = scan.errors_mm(seen.sampled_L)
     figure, axes = theme.panels(1, 2, height_in=3.8, subplot_kw={"projection": "3d"})
     whole, errors = axes[0]
-    drawing.in_space(whole, points_mm, s=3.0)
+    drawing.in_space(whole, points_mm, s=2.4, zoom=PAIR_ZOOM)
     theme.title(whole, "Coloured by height")
     limit = float(np.quantile(np.abs(errors_mm), 0.98))
     dots = drawing.in_space(
-        errors, points_mm, errors_mm, cmap="RdBu_r", vmin=-limit, vmax=limit, s=3.0
+        errors, points_mm, errors_mm, cmap="RdBu_r", vmin=-limit, vmax=limit, s=2.4, zoom=PAIR_ZOOM
     )
     theme.title(errors, "Distance from the true skin [mm]")
     figure.colorbar(dots, ax=errors, shrink=0.6, pad=0.12)
