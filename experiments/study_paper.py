@@ -18,6 +18,7 @@ from experiments.paper import (
     hand_eye,
     joints,
     page,
+    rig_tables,
     sampling,
     scans,
     stereo,
@@ -46,6 +47,7 @@ def measured(seed: int) -> Iterator[Item]:
     yield from joints.items()
     cameras = calibration.measured(seed)
     yield from calibration.items(cameras)
+    yield from rig_tables.items(cameras)
     placed = hand_eye.measured(cameras.result.rig, seed)
     yield from hand_eye.items(placed)
     rig = placed.result.rig

@@ -94,23 +94,16 @@ def _table(scans: Sequence[Scanned]) -> Item:
 
 
 def _statistics_table(rows: dict[str, ErrorStatistics]) -> Data:
-    kinds = (
-        ("mean_abs", "mean absolute error"),
-        ("rms", "root mean square"),
-        ("deviation", "sample deviation"),
-    )
-    return {
-        column("scan", "which scan, at the points unless it says otherwise", kind="text"): np.array(
-            list(rows)
-        ),
-        **{
-            column(f"{name}_{axis}_mm", meaning, "mm", "B"): np.array(
-                [getattr(row, f"{name}_mm")[index] for row in rows.values()]
-            )
-            for name, meaning in kinds
-            for index, axis in enumerate(AXES)
-        },
-    }  # fmt: skip
+    kinds = {
+        "mean": ("mean absolute error", [row.mean_abs_mm for row in rows.values()]),
+        "rms": ("root of the mean square", [row.rms_mm for row in rows.values()]),
+        "sd": ("sample standard deviation", [row.deviation_mm for row in rows.values()]),
+    }
+    scans = np.array(list(rows))
+    data = {column("scan", "at the points unless it says otherwise", kind="text"): scans}
+    for name, (meaning, values) in kinds.items():
+        data |= coordinates(f"{name}_{{}}_mm", meaning, np.array(values))
+    return data
 
 
 def _points_data(went: Trajectory) -> Data:

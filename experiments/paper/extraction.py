@@ -50,8 +50,8 @@ def _normals(scan: Scanned) -> Item:
         f"{metrics['normal_mean_deg']:.2f}° in the mean, 95 % within "
         f"{metrics['normal_p95_deg']:.2f}°; all towards the cameras",
         verdict="agrees",
-        why="fast enough for any scan, and accurate to a degree; the paper says so of its own "
-        "without a number.",
+        why="a small part of a scan's time; the paper calls its own accurate, without a number. "
+        "The largest errors are at the foot.",
         figure=figure,
         shows="Normals of the down-sampled breast, one in eight drawn.",
         data={

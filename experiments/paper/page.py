@@ -3,7 +3,6 @@ Parquet.
 """
 
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,6 @@ from breastscan.run import parquet, writing
 from breastscan.run.provenance import provenance
 from experiments.paper.item import HEADINGS, ILLUSTRATIONS, Item
 
-SHOWN_ROWS = 40
-"""Longest table that the page shows whole."""
 TITLE = "The paper, figure by figure"
 INTRODUCTION = (
     "Every figure and table of the paper that a simulation can answer: the paper's own statement, "
@@ -23,11 +20,6 @@ INTRODUCTION = (
     "then the verdict is about its words. The twin's cameras are the paper's own (Tables 1 and 2), "
     "its breast is another one."
 )
-STYLE = """
-.against { display: grid; grid-template-columns: max-content 1fr; gap: 4px 16px; margin: 0; }
-.against dt { color: var(--muted); }
-.against dd { margin: 0; max-width: 75ch; }
-"""
 
 
 def write(folder: Path, items: Sequence[Item], *, seed: int) -> None:
@@ -46,20 +38,13 @@ def write(folder: Path, items: Sequence[Item], *, seed: int) -> None:
 
 def page(items: Sequence[Item], settings: dict) -> str:
     """The whole page as one text."""
-    style = files("breastscan.report").joinpath("page.css").read_text(encoding="utf-8")
-    head = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{TITLE}</title>\n<style>\n{style}{STYLE}</style>\n</head>\n<body>\n<main>\n"
-    )
     header = (
         f"<header>\n<h1>{TITLE}</h1>\n{html.paragraph(INTRODUCTION)}\n"
         f"{html.pairs(origin.of(settings))}\n</header>"
     )
-    rows = [(i.heading, i.ours, i.verdict) for i in items]
-    overview = html.section("Overview", html.table(("item", "here", "verdict"), rows))
-    sections = (_section(item) for item in items)
-    return "\n".join([head, header, overview, *sections, "</main>\n</body>\n</html>\n"])
+    rows = [(item.heading, item.ours, item.verdict) for item in items]
+    overview = html.section("Overview", html.table(("item", "here", "verdict"), rows, [2]))
+    return html.document(TITLE, [header, overview, *(_section(item) for item in items)])
 
 
 def headline(items: Sequence[Item]) -> Iterator[str]:
@@ -72,9 +57,10 @@ def headline(items: Sequence[Item]) -> Iterator[str]:
 
 
 def _section(item: Item) -> str:
-    pairs = html.pairs(_lines(item)).replace('class="origin"', 'class="against"')
     drawn = "" if item.figure is None else html.drawing(item.figure, item.shows, item.shows)
-    return html.section(item.heading, pairs, drawn, _table(item), html.paragraph(_where(item)))
+    return html.section(
+        item.heading, html.pairs(_lines(item)), drawn, _table(item), html.paragraph(_where(item))
+    )
 
 
 def _lines(item: Item) -> list[tuple[str, str]]:
@@ -93,8 +79,8 @@ def _where(item: Item) -> str:
 
 
 def _table(item: Item) -> str:
-    """The data of an item without a figure, or with few rows."""
-    if not item.heading.startswith("Table") or len(_frame(item)) > SHOWN_ROWS:
+    """The data of an item that has no figure."""
+    if item.figure is not None:
         return ""
     frame = _frame(item)
     rows = [[_cell(value) for value in row] for row in frame.iter_rows()]

@@ -21,6 +21,8 @@ CELLS = (3e-3, 2e-3, 1.5e-3)
 DRAWN_CELL = CELLS[1]
 RIM_PX = 1
 """Width of the rim of the breast in the picture that counts as its edge [px]."""
+PREFERRED = 1.05
+"""Share of a sample on the rim over the rim's share of the area, from which it prefers the rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,8 +213,7 @@ def _claims(grid: Sampled, uniform: Sampled, geometric: Sampled) -> str:
         "grid is efficient": grid.time < uniform.time,
         "uniform sampling is the most even": uniform.unevenness
         < min(grid.unevenness, geometric.unevenness),
-        "uniform sampling prefers edges": uniform.edge_ratio
-        > max(grid.edge_ratio, geometric.edge_ratio, 1.0),
+        "uniform sampling prefers edges": uniform.edge_ratio > PREFERRED,
         "uniform sampling is costly": uniform.time > grid.time,
         "geometric sampling is uneven on the whole": geometric.unevenness
         > max(grid.unevenness, uniform.unevenness),

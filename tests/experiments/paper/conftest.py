@@ -24,6 +24,7 @@ def calibrated() -> calibration.Calibrated:
     return calibration.Calibrated(
         shown=len(shots),
         pair=StereoPair(left=grey, right=grey, time=0.0),
+        found=tuple(shots),
         result=calibrating.calibrate(shots, SIZE, BOARD),
         truth=rig,
         corner_errors_px=calibration.corner_errors_px(rig, X_LBoard, shots, BOARD),
@@ -48,6 +49,4 @@ def placed() -> hand_eye.Placed:
 
 @pytest.fixture(scope="session")
 def scan() -> scans.Scanned:
-    """Without errors, drawn coarsely."""
-    coarse = replace(scans.EXACT, camera=replace(scans.EXACT.camera, supersampling=1))
-    return scans.scanned(coarse, scans.FORCES[0], seed=0)
+    return scans.scanned(scans.EXACT, scans.FORCES[0], seed=0)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from breastscan.run.metrics import rms
-from experiments.paper import calibration, hand_eye
+from experiments.paper import calibration, hand_eye, rig_tables
 from tests.vision.board_shots import SIZE
 
 
@@ -13,7 +13,11 @@ def values(item, name):
 
 @pytest.fixture(scope="module")
 def items(calibrated, placed):
-    found = [*calibration.items(calibrated), *hand_eye.items(placed)]
+    found = [
+        *calibration.items(calibrated),
+        *rig_tables.items(calibrated),
+        *hand_eye.items(placed),
+    ]
     return {item.heading: item for item in found}
 
 

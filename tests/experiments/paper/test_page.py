@@ -2,6 +2,8 @@
 
 import json
 import re
+from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import polars as pl
@@ -9,7 +11,7 @@ import pytest
 
 from breastscan.report import theme
 from experiments.paper import page
-from experiments.paper.item import Item, column
+from experiments.paper.item import HEADINGS, ILLUSTRATIONS, Item, Verdict, column
 
 
 def item(heading, **other):
@@ -75,3 +77,11 @@ def test_the_verdicts_can_be_read_by_programs(folder):
         ("Fig. 3", "better"),
         ("Table 4", "better"),
     ]
+
+
+def test_the_guide_has_the_commands_row_of_every_item():
+    guide = (Path(__file__).parents[3] / "docs/paper.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (.+?) \| .* \| (.+?) \|$", guide, flags=re.MULTILINE)
+    assert [name for name, _ in rows[1:]] == [h for h in HEADINGS if h not in ILLUSTRATIONS]
+    assert {verdict for _, verdict in rows[1:]} <= set(get_args(Verdict))
+    assert "breastscan study paper" in guide

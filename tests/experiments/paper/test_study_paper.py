@@ -15,6 +15,7 @@ from experiments.paper import (
     execution,
     hand_eye,
     joints,
+    rig_tables,
     stills,
 )
 from experiments.paper.item import HEADINGS, ILLUSTRATIONS
@@ -33,6 +34,7 @@ def items(calibrated, placed, scan):
         *curve.items(),
         *joints.items(),
         *calibration.items(calibrated),
+        *rig_tables.items(calibrated),
         *hand_eye.items(placed),
         *study_paper.of_perception(scan, 0),
         *execution.items([scan] * 4),
