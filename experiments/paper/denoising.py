@@ -42,7 +42,7 @@ class Row:
 
 
 def denoised(
-    points: Float[np.ndarray, "n 3"], ks: range, alphas: tuple[float, ...], repeats: int = REPEATS
+    points: Float[np.ndarray, "n 3"], ks: range, alphas: tuple[float, ...], repeats: int
 ) -> list[Row]:
     """Every k with every alpha, alpha by alpha."""
     return [_row(points, k, alpha, repeats) for alpha in alphas for k in ks]
@@ -68,7 +68,7 @@ def steady_from(kept: list[int]) -> int:
 def items(scan: Scanned, matched: Matched) -> Iterator[Item]:
     """What the denoising answers."""
     points_mm, errors_mm = scan.in_base_mm(matched.points_L), scan.errors_mm(matched.points_L)
-    rows = denoised(matched.points_L, range(FIRST, LAST + 1), ALPHAS)
+    rows = denoised(matched.points_L, range(FIRST, LAST + 1), ALPHAS, REPEATS)
     yield _flow_chart(rows, len(points_mm))
     yield _effect(rows, points_mm, errors_mm)
     yield _numbers(rows, errors_mm)

@@ -118,7 +118,7 @@ def items(scan: Scanned, *, seed: int) -> Iterator[Item]:
     seen = scan.result.reconstruction
     found = np.isfinite(seen.points_L[..., 0])
     cloud = seen.points_L[found]
-    on_rim = ~np.asarray(binary_erosion(found, iterations=RIM_PX))[found]
+    on_rim = np.logical_not(binary_erosion(found, iterations=RIM_PX))[found]
     rows = compared(cloud, on_rim, _areas(cloud), seed=seed)
     yield _side_by_side(rows, scan.in_base_mm(cloud))
     yield _table(rows)

@@ -12,6 +12,7 @@ from experiments import study_paper
 from experiments.paper import (
     calibration,
     curve,
+    denoising,
     execution,
     hand_eye,
     joints,
@@ -30,6 +31,9 @@ def values(item, name):
 
 @pytest.fixture(scope="module")
 def items(calibrated, placed, scan):
+    quicker = pytest.MonkeyPatch()
+    quicker.setattr(denoising, "REPEATS", 1)
+    quicker.setattr(stills, "SIZE_PX", (300, 200))
     found = [
         *curve.items(),
         *joints.items(),
@@ -40,6 +44,7 @@ def items(calibrated, placed, scan):
         *execution.items([scan] * 4),
         *stills.items(scan),
     ]
+    quicker.undo()
     return {item.heading: item for item in found}
 
 
