@@ -58,7 +58,9 @@ def add_materials(
 
 
 def _png(image: UInt8[np.ndarray, "h w 3"]) -> mjcf.Asset:
-    _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    # it never leaves memory, so that compression would only take time
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 0]
+    _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     return mjcf.Asset(encoded.tobytes(), ".png")
 
 
