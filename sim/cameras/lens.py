@@ -4,6 +4,8 @@ MuJoCo draws pinholes. So an undistorted canvas is drawn that reaches as far as 
 more pixels than needed against aliasing, and resampled through the inverse of the lens distortion.
 """
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -22,6 +24,10 @@ compute."""
 OUTSIDE_PX = -1000.0
 INTERPOLATION_MARGIN = 5
 """Canvas beyond the outermost ray [px]: Lanczos interpolation takes four pixels to each side."""
+CAMERAS_KEPT = 4
+"""Cameras whose rays are remembered: two rigs."""
+Packed = tuple[bytes, bytes, int, int]
+"""A camera's K and distortion, width and height: as a key."""
 CANVAS_STEP = 8
 """The canvas' size and origin are multiples of this [px], so that it can be binned as the image
 is."""
@@ -114,8 +120,7 @@ def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
     The distortion grows with the radius, so the outermost rays are those of the image's rim, or of
     the field stop where the rim lies beyond it.
     """
-    pixels = _pixels(camera)
-    rim = pixels[((pixels == 0) | (pixels == (camera.width - 1, camera.height - 1))).any(axis=1)]
+    rim = _rim(camera)
     focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
     ray = (rim - centre) / focal
     ray *= np.minimum(1, _field_stop(camera) / np.linalg.norm(ray, axis=1, keepdims=True))
@@ -123,6 +128,14 @@ def _seen(camera: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
     low = np.floor((looked_at.min(axis=0) - INTERPOLATION_MARGIN) / CANVAS_STEP) * CANVAS_STEP
     high = np.ceil((looked_at.max(axis=0) + INTERPOLATION_MARGIN + 1) / CANVAS_STEP) * CANVAS_STEP
     return low, high - low
+
+
+def _rim(camera: Intrinsics) -> Float[np.ndarray, "n 2"]:
+    """Places of the outermost pixels [px]."""
+    x, y = np.arange(float(camera.width)), np.arange(float(camera.height))
+    rows = [np.stack([x, np.full_like(x, end)], axis=1) for end in (y[0], y[-1])]
+    columns = [np.stack([np.full_like(y, end), y], axis=1) for end in (x[0], x[-1])]
+    return np.concatenate([*rows, *columns])
 
 
 def _pixels(camera: Intrinsics) -> Float[np.ndarray, "n 2"]:
@@ -167,10 +180,35 @@ def _canvas_positions(camera: Intrinsics, pinhole: Intrinsics) -> Float32[np.nda
     """Where on the canvas [px] each pixel of the camera's image looks; far outside where the
     lens lets no ray in.
     """
+    return _kept_positions(_packed(camera), _packed(pinhole))
+
+
+def _packed(camera: Intrinsics) -> Packed:
+    """A camera as a key."""
+    K, distortion = camera.K.astype(float), camera.distortion.astype(float)
+    return K.tobytes(), distortion.tobytes(), camera.width, camera.height
+
+
+def _unpacked(packed: Packed) -> Intrinsics:
+    K, distortion, width, height = packed
+    return Intrinsics(
+        K=np.frombuffer(K).reshape(3, 3),
+        distortion=np.frombuffer(distortion),
+        width=width,
+        height=height,
+    )
+
+
+@lru_cache(maxsize=CAMERAS_KEPT)
+def _kept_positions(packed: Packed, packed_pinhole: Packed) -> Float32[np.ndarray, "h w 2"]:
+    """See `_canvas_positions`: a third of a second, the same in every scene with this camera."""
+    camera, pinhole = _unpacked(packed), _unpacked(packed_pinhole)
     pixels = _pixels(camera)
     positions = _undistorted(camera, pixels, pinhole.K)
     positions[_off_axis(camera, pixels) > _field_stop(camera)] = OUTSIDE_PX
-    return positions.reshape(camera.height, camera.width, 2).astype(np.float32)
+    positions = positions.reshape(camera.height, camera.width, 2).astype(np.float32)
+    positions.flags.writeable = False
+    return positions
 
 
 def _off_axis(camera: Intrinsics, pixels: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
