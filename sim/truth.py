@@ -4,12 +4,11 @@
 `TruthLog.X_SP`.
 """
 
-from typing import no_type_check
-
-import numba
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from breastscan.geometry import se3
 from breastscan.vision.camera import Intrinsics
@@ -43,6 +42,7 @@ class Truth:
         self._tissue = tissue
         skin = phantom.skin
         self._skin_direction = phantom.inverse_map(skin.vertices_S)
+        self._skin_tree = KDTree(skin.vertices_S)
         self._faces_around = trimesh.Trimesh(
             skin.vertices_S, skin.triangles, process=False
         ).vertex_faces
@@ -58,7 +58,7 @@ class Truth:
         self, p_S: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Closest points of the smooth undeformed skin [m], and its outward unit normals there."""
-        direction = self._skin_direction[_nearest(self._phantom.skin.vertices_S, p_S)]
+        direction = self._skin_direction[self._skin_tree.query(p_S)[1]]
         for _ in range(CLOSEST_STEPS):
             direction, step = self._towards(p_S, direction)
             if step < CLOSEST_TOLERANCE:
@@ -73,7 +73,8 @@ class Truth:
         """
         deformed_S = self._tissue.deformed_skin() if deformed_S is None else deformed_S
         skin = self._phantom.skin
-        around = self._faces_around[_nearest(deformed_S, p_S)]
+        nearest = cdist(p_S, deformed_S).argmin(axis=1)
+        around = self._faces_around[nearest]
         triangles = skin.triangles[around]
         corners_S = deformed_S[triangles].reshape(-1, 3, 3)
         closest_S = trimesh.triangles.closest_point(
@@ -229,21 +230,3 @@ class Truth:
             searching = searching[going_on]
             along = np.minimum(along[going_on] + RAY_STEP, far[searching])
         return inside
-
-
-@numba.njit(cache=True)
-@no_type_check
-def _nearest(vertices, points):
-    """Index of the vertex nearest to each point."""
-    nearest = np.zeros(len(points), np.int64)
-    for i in range(len(points)):
-        best = np.inf
-        for j in range(len(vertices)):
-            dx = vertices[j, 0] - points[i, 0]
-            dy = vertices[j, 1] - points[i, 1]
-            dz = vertices[j, 2] - points[i, 2]
-            squared = dx * dx + dy * dy + dz * dz
-            if squared < best:
-                best = squared
-                nearest[i] = j
-    return nearest

@@ -46,7 +46,7 @@ def solve_contact(flexibility, index, gap, solved):
     solution only, so the guess changes the time it takes, never the forces.
 
     Args:
-        flexibility: Of all vertices [m/N].
+        flexibility: Of all vertices, symmetric [m/N].
         index: The candidates among them, ascending.
         gap: Of the candidates [m].
         solved: The last solution with this flexibility.
@@ -78,22 +78,17 @@ def solve_contact(flexibility, index, gap, solved):
 @no_type_check
 def _wrong_vertices(flexibility, index, gap, active, touching, force):
     """Candidates that pull although active, or penetrate although not."""
-    wrong = np.empty(len(index), np.int64)
-    count = 0
-    for i in range(len(index)):
-        if active[i]:
-            bad = force[i] < 0
-        elif gap[i] > MARGIN:
-            continue
-        else:
-            clearance = gap[i]
-            for j in touching:
-                clearance += flexibility[index[i], index[j]] * force[j]
-            bad = clearance < -PENETRATION
-        if bad:
-            wrong[count] = i
-            count += 1
-    return wrong[:count]
+    waiting = np.nonzero(~active & (gap <= MARGIN))[0]
+    column, clearance = index[waiting], gap[waiting]
+    # force by force and not vertex by vertex: so the sums do not wait for themselves
+    for j in touching:
+        row, pressing = flexibility[index[j]], force[j]
+        for k in range(len(waiting)):
+            clearance[k] += row[column[k]] * pressing
+    bad = active & (force < 0)
+    for k in range(len(waiting)):
+        bad[waiting[k]] = clearance[k] < -PENETRATION
+    return np.nonzero(bad)[0]
 
 
 @numba.njit(cache=True, fastmath={"reassoc", "contract"})
@@ -141,6 +136,7 @@ def _solve(lower, right):
         force[i] /= lower[i, i]
     for i in range(count - 1, -1, -1):
         force[i] /= lower[i, i]
+        known = force[i]  # a number of its own, or the loop cannot take several k at a time
         for k in range(i):
-            force[k] -= lower[i, k] * force[i]
+            force[k] -= lower[i, k] * known
     return force

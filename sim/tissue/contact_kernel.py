@@ -6,8 +6,10 @@ from typing import no_type_check
 
 import numba
 import numpy as np
+from jaxtyping import Float
 
 from sim.tissue.complementarity import MARGIN, solve_contact
+from sim.tissue.contact import with_motion
 from sim.wrist.probe_face import components_P, distance
 
 REACH = 0.030
@@ -25,6 +27,10 @@ GRAZING_LIFT = 0.016
 FAR = 1.0
 """Stands for all gaps beyond `MARGIN` that no sliding off an edge explains [m]."""
 NEWTON_STEPS = 12
+BLOCK = 16
+"""Consecutive vertices, which are neighbours, that are left out together where they are far."""
+ROUNDING = 1e-9
+"""Added to a ball's radius, so that rounding loses no vertex [m]."""
 
 
 @numba.njit(cache=True)
@@ -32,8 +38,11 @@ NEWTON_STEPS = 12
 def press_skin(
     face,
     X_SP,
+    velocity_S,
+    material,
     vertices_S,
     normals_S,
+    balls_S,
     flexibility,
     neighbours,
     weights,
@@ -42,15 +51,16 @@ def press_skin(
     first,
     second,
 ):
-    """The elastic force on the probe [N], its torque about P [N m], the contact's centre [m], depth
-    [m] and vertices.
+    """The force on the probe that moves with `velocity_S` [N], its torque about P [N m], the
+    contact's centre [m], depth [m] and vertices.
 
-    `load` is overwritten with the vertices' loads [N], `first` and `second` hold what is kept of
-    the two solutions. Solved twice, because a load also moves the skin sideways, and then it meets
-    another part of the face. The sideways motion changes so little in the second round that a third
-    would move the force by less than .2 %.
+    `material` holds Young's modulus [Pa], the damping [s/m] and the gel's friction [-]. `load` is
+    overwritten with the vertices' loads over Young's modulus [m^2], `first` and `second` hold what
+    is kept of the two solutions. Solved twice, because a load also moves the skin sideways, and
+    then it meets another part of the face. The sideways motion changes so little in the second
+    round that a third would move the force by less than .2 %.
     """
-    index = find_near(face, X_SP, vertices_S)
+    index = find_near(face, X_SP, vertices_S, balls_S)
     gap = find_gaps(face, X_SP, vertices_S[index], normals_S[index])
     index, gap = index[gap != FAR], gap[gap != FAR]
     points_S, normals_S = vertices_S[index], normals_S[index]
@@ -61,29 +71,56 @@ def press_skin(
         gap = find_gaps(face, X_SP, points_S, normals_S)
         force = solve_contact(flexibility, index, gap, second)
         load[index] = force
-    return _resultant(points_S, normals_S, gap, force, X_SP[:, 3])
+    total, torque, centre, depth, count = _resultant(points_S, normals_S, gap, force, X_SP[:, 3])
+    young, damping, friction = material
+    total, torque = with_motion(
+        young * total, young * torque, centre - X_SP[:3, 3], velocity_S, damping, friction
+    )
+    return total, torque, centre, depth, count
 
 
 @numba.njit(cache=True)
 @no_type_check
-def find_near(face, X_SP, vertices_S):
-    """Indices of the vertices in a box around the face."""
+def find_near(face, X_SP, vertices_S, balls_S):
+    """Indices of the vertices in a box around the face.
+
+    Most of the `balls_S`, which enclose `BLOCK` consecutive vertices each, lie outside of it.
+    """
     inner_radius, sine, cosine, half_width, edge_radius = face
     half_chord = inner_radius * sine + edge_radius + BESIDE
     half_elevation = half_width + edge_radius + BESIDE
     lowest = -inner_radius * (1 - cosine) - REACH
     index, count = np.empty(len(vertices_S), np.int64), 0
-    for i in range(len(vertices_S)):
-        x, y, z = components_P(
-            X_SP,
-            vertices_S[i, 0] - X_SP[0, 3],
-            vertices_S[i, 1] - X_SP[1, 3],
-            vertices_S[i, 2] - X_SP[2, 3],
-        )
-        if abs(x) < half_chord and abs(y) < half_elevation and lowest < z < MARGIN:
-            index[count] = i
-            count += 1
+    for ball in range(len(balls_S)):
+        x, y, z = _seen_from(X_SP, balls_S[ball])
+        r = balls_S[ball, 3]
+        beside = abs(x) >= half_chord + r or abs(y) >= half_elevation + r
+        if beside or not lowest - r < z < MARGIN + r:
+            continue
+        for i in range(BLOCK * ball, min(BLOCK * (ball + 1), len(vertices_S))):
+            x, y, z = _seen_from(X_SP, vertices_S[i])
+            if abs(x) < half_chord and abs(y) < half_elevation and lowest < z < MARGIN:
+                index[count] = i
+                count += 1
     return index[:count]
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _seen_from(X_SP, p_S):
+    """Coordinates in P of a point of S [m]."""
+    return components_P(X_SP, p_S[0] - X_SP[0, 3], p_S[1] - X_SP[1, 3], p_S[2] - X_SP[2, 3])
+
+
+def enclosing_balls(vertices_S: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "b 4"]:
+    """Centre and radius of a ball around each `BLOCK` consecutive vertices [m], for `find_near`."""
+    blocks = [vertices_S[i : i + BLOCK] for i in range(0, len(vertices_S), BLOCK)]
+    centres_S = np.array([block.mean(axis=0) for block in blocks])
+    radii = [
+        np.linalg.norm(block - centre, axis=1).max() + ROUNDING
+        for block, centre in zip(blocks, centres_S, strict=True)
+    ]
+    return np.column_stack([centres_S, radii])
 
 
 @numba.njit(cache=True)
@@ -97,8 +134,8 @@ def find_gaps(face, X_SP, points_S, normals_S):
     """
     gap = np.empty(len(points_S))
     for k in range(len(points_S)):
-        p, n = points_S[k], normals_S[k]
-        x, y, z = components_P(X_SP, p[0] - X_SP[0, 3], p[1] - X_SP[1, 3], p[2] - X_SP[2, 3])
+        n = normals_S[k]
+        x, y, z = _seen_from(X_SP, points_S[k])
         ix, iy, iz = components_P(X_SP, -n[0], -n[1], -n[2])
         gap[k] = -_distance_inwards(face, x, y, z, ix, iy, iz)
     return gap
@@ -113,11 +150,14 @@ def _distance_inwards(face, x, y, z, ix, iy, iz):
     out of the probe and the others come down on the face and never pass it. A line that misses the
     face returns -inf.
     """
-    d, gx, gy, gz = distance(face, x, y, z)
-    inward = 0.0 if gx * ix + gy * iy + gz * iz > STEEPEST else REACH
+    inward = 0.0
+    d, slope = _distance_and_slope(face, x, y, z, ix, iy, iz)
+    if slope <= STEEPEST:
+        inward = REACH
+        d, slope = _distance_and_slope(
+            face, x + inward * ix, y + inward * iy, z + inward * iz, ix, iy, iz
+        )
     for _ in range(NEWTON_STEPS):
-        d, gx, gy, gz = distance(face, x + inward * ix, y + inward * iy, z + inward * iz)
-        slope = gx * ix + gy * iy + gz * iz
         if slope < STEEPEST:
             break
         inward -= d / slope
@@ -126,7 +166,18 @@ def _distance_inwards(face, x, y, z, ix, iy, iz):
         if abs(d) < GAP_TOLERANCE:
             grazing = max(GRAZING - slope, 0.0) / (GRAZING - STEEPEST)
             return inward - GRAZING_LIFT * grazing**2
+        d, slope = _distance_and_slope(
+            face, x + inward * ix, y + inward * iy, z + inward * iz, ix, iy, iz
+        )
     return -np.inf
+
+
+@numba.njit(cache=True)
+@no_type_check
+def _distance_and_slope(face, x, y, z, ix, iy, iz):
+    """Distance of a point from the face [m], and its growth along a direction [-]."""
+    d, gx, gy, gz = distance(face, x, y, z)
+    return d, gx * ix + gy * iy + gz * iz
 
 
 @numba.njit(cache=True)

@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 
 from sim.tissue import half_space
 from sim.tissue.compliance import SkinCompliance
+from sim.tissue.contact_kernel import enclosing_balls
 from sim.tissue.interpolation import interpolation_matrix, interpolation_weights
 from sim.tissue.mesh import half_shell
 from sim.tissue.phantom import Phantom
@@ -40,6 +41,8 @@ class ContactSurface:
     """Outward unit normals."""
     areas: Float[np.ndarray, "n"]
     """Skin that each point stands for [m^2]."""
+    balls_S: Float[np.ndarray, "b 4"]
+    """Balls around consecutive points, as `contact_kernel.find_near` takes them [m]."""
     direction: Float[np.ndarray, "n 3"]
     """The points on the unit hemisphere."""
     flexibility: Float32[np.ndarray, "n n"]
@@ -72,6 +75,7 @@ def contact_surface(phantom: Phantom, compliance: SkinCompliance) -> ContactSurf
         vertices_S=vertices_S,
         normals_S=phantom.normal(direction),
         areas=areas,
+        balls_S=enclosing_balls(vertices_S),
         direction=direction,
         flexibility=flexibility,
         neighbours=neighbours,

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from sim.tissue.complementarity import Solved
 from sim.tissue.compliance import SkinCompliance
 from sim.tissue.compliance_cache import cached_compliance
-from sim.tissue.contact import Contact, ContactPatch, with_motion
+from sim.tissue.contact import Contact, ContactPatch
 from sim.tissue.contact_kernel import press_skin
 from sim.tissue.contact_surface import contact_surface
 from sim.tissue.interpolation import interpolation_matrix, interpolation_weights
@@ -48,6 +48,7 @@ class SoftTissue:
         self._compliance = compliance
         self._surface = contact_surface(phantom, compliance)
         self._face = (face or ProbeFace()).parameters()
+        self._material = (phantom.config.young, DAMPING, phantom.config.gel_friction)
         self._element_response_S = np.ascontiguousarray(compliance.response_S.transpose(1, 0, 2))
         self._load = np.zeros(len(self._surface.vertices_S))
         """Inward force on each contact point over Young's modulus [m^2]."""
@@ -71,12 +72,16 @@ class SoftTissue:
         into the tissue.
         """
         # one memory layout, one compiled kernel
-        X_SP, surface = np.ascontiguousarray(X_SP), self._surface
-        unit_force_S, unit_torque_S, centre_S, depth, vertices = press_skin(
+        X_SP, velocity_S = np.ascontiguousarray(X_SP), np.ascontiguousarray(velocity_S)
+        surface = self._surface
+        force_S, torque_S, centre_S, depth, vertices = press_skin(
             self._face,
             X_SP,
+            velocity_S,
+            self._material,
             surface.vertices_S,
             surface.normals_S,
+            surface.balls_S,
             surface.flexibility,
             surface.neighbours,
             surface.weights,
@@ -84,11 +89,6 @@ class SoftTissue:
             self._load,
             *self._solved,
         )
-        config = self._phantom.config
-        force_S, torque_S = with_motion(
-            config.young * unit_force_S, config.young * unit_torque_S, centre_S - X_SP[:3, 3],
-            np.ascontiguousarray(velocity_S), DAMPING, config.gel_friction,
-        )  # fmt: skip
         if depth > LINEAR_LIMIT and not self._warned:
             self._warn(depth)
         return Contact(

@@ -249,7 +249,7 @@ def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, complia
         [0, np.cos(tilt), -np.sin(tilt)],
         [0, np.sin(tilt), np.cos(tilt)],
     ]
-    index = find_near(ProbeFace().parameters(), X_SP, surface.vertices_S)
+    index = find_near(ProbeFace().parameters(), X_SP, surface.vertices_S, surface.balls_S)
     gap = find_gaps(
         ProbeFace().parameters(), X_SP, surface.vertices_S[index], surface.normals_S[index]
     )
