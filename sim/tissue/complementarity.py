@@ -27,12 +27,18 @@ class Solved(NamedTuple):
     """Vertices in the order in which they were factorised, -1 behind the last."""
     lower: Float[np.ndarray, "m m"]
     """Cholesky factor of their flexibility."""
+    place: Int[np.ndarray, "n"]
+    """Where among the candidates a vertex stands, if it is one: what an earlier search left for
+    another vertex means nothing."""
 
     @staticmethod
     def nothing(vertices: int, capacity: int) -> "Solved":
         """Before the first solution; of the vertices at `capacity` so many touch."""
         return Solved(
-            np.zeros(vertices, bool), np.full(capacity, -1), np.empty((capacity, capacity))
+            np.zeros(vertices, bool),
+            np.full(capacity, -1),
+            np.empty((capacity, capacity)),
+            np.zeros(vertices, np.int64),
         )
 
 
@@ -52,12 +58,13 @@ def solve_contact(flexibility, index, gap, solved):
         solved: The last solution with this flexibility.
     """
     count = len(index)
+    solved.place[index] = np.arange(count)
     active = solved.touching[index] & (gap < MARGIN)
     force = np.zeros(count)
     fewest, patience = count + 1, PATIENCE
     for _ in range(PIVOTING_ROUNDS):
         force[:] = 0.0
-        touching = _factorise(flexibility, index, gap, active, solved.order, solved.lower)
+        touching = _factorise(flexibility, index, gap, active, solved)
         if len(touching) > 0:
             force[touching] = _solve(solved.lower, -gap[touching])
         wrong = _wrong_vertices(flexibility, index, gap, active, touching, force)
@@ -93,7 +100,7 @@ def _wrong_vertices(flexibility, index, gap, active, touching, force):
 
 @numba.njit(cache=True, fastmath={"reassoc", "contract"})
 @no_type_check
-def _factorise(flexibility, index, gap, active, order, lower):
+def _factorise(flexibility, index, gap, active, solved):
     """Cholesky factor of the active candidates' flexibility; the candidates in the order of its
     rows.
 
@@ -101,13 +108,14 @@ def _factorise(flexibility, index, gap, active, order, lower):
     first: those that will leave next come last, so that a sliding probe renews a few rows a period
     and not all of them.
     """
+    order, lower = solved.order, solved.lower
     touching, first = np.empty(np.sum(active), np.int64), 0
     if len(touching) > len(order):
         raise ValueError("more vertices touch than there is room for")
     waiting = active.copy()
     while first < len(order) and order[first] >= 0:
-        at = np.searchsorted(index, order[first])
-        if at == len(index) or index[at] != order[first] or not active[at]:
+        at = solved.place[order[first]]
+        if at >= len(index) or index[at] != order[first] or not active[at]:
             break
         touching[first], waiting[at] = at, False
         first += 1
