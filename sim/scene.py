@@ -27,8 +27,9 @@ from sim.arm.ur5e import add_arm
 from sim.cameras.camera_errors import CameraConfig
 from sim.cameras.lens import canvases, mujoco_camera
 from sim.live.skin import hang_skin
-from sim.room.describe import Element, add_material, compiled, mjcf
+from sim.room.describe import Element, add_material, compiled, mjcf, specification
 from sim.room.surroundings import (
+    CHEST,
     LIT_CENTRE,
     LIT_RADIUS,
     STANDING_ROOM_X,
@@ -38,7 +39,7 @@ from sim.room.surroundings import (
     add_stand,
 )
 from sim.tissue.breathing import BreathingConfig, rise
-from sim.tissue.phantom import Phantom, PhantomConfig
+from sim.tissue.phantom import Phantom, PhantomConfig, SkinMesh
 from sim.wrist.probe import add_tool, tip_pose
 from sim.wrist.probe_face import ProbeFace
 from sim.wrist.wrench_errors import WrenchSensorConfig
@@ -183,7 +184,9 @@ class Scene:
         drawn = canvases(self.rig, self.config.camera.supersampling)
         for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
             root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
-        return compiled(root)
+        spec = specification(root)
+        _add_skin(spec, self.phantom.skin)
+        return spec.compile()
 
     @cached_property
     def live(self) -> mujoco.MjModel:
@@ -210,11 +213,9 @@ class Scene:
         add_room(root)
         add_stand(root, self.X_BL, self.X_BR)
         add_tool(add_arm(root, self.arm), self.config.mount_angle, ProbeFace())
-        chest = add_chest(
-            root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None
-        )
+        add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
         if with_skin:
-            _add_skin(root, chest, self.phantom)
+            add_material(root, "skin", image=self.phantom.texture_image())
         return root
 
 
@@ -227,13 +228,13 @@ def _load_rig(path: Path | None) -> tuple[StereoRig, Float[np.ndarray, "4 4"]]:
     return rig, rig.X_BL
 
 
-def _add_skin(root: Element, chest: Element, phantom: Phantom) -> None:
-    """The skin as a thin, massless, matt surface that touches nothing."""
-    skin = phantom.skin
-    add_material(root, "skin", image=phantom.texture_image())
-    flex = root.deformable.add(
-        "flex", name="skin", dim=2, radius=1e-5, material="skin", body=chest.name,
-        vertex=skin.vertices_S.ravel(), element=skin.triangles.ravel(),
+def _add_skin(spec: mujoco.MjSpec, skin: SkinMesh) -> None:
+    """The skin as a thin, massless, matt surface that touches nothing; as numbers, since to write
+    and read them as text would take longer than all the rest.
+    """
+    spec.add_flex(
+        name="skin", dim=2, radius=1e-5, material=["skin"], vertbody=[CHEST],
+        vert=skin.vertices_S.ravel(), elem=skin.triangles.ravel(),
         texcoord=skin.uv.ravel(), elemtexcoord=skin.triangles.ravel(),
+        contype=0, conaffinity=0, selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
     )  # fmt: skip
-    flex.contact.set_attributes(contype=0, conaffinity=0, selfcollide="none")

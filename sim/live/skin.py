@@ -25,12 +25,9 @@ def live_vertices(vertices: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "k 3"
 
 
 def hang_skin(root: Element, X_BS: Float[np.ndarray, "4 4"], skin: SkinMesh) -> None:
-    """Replace the described flex `skin`, which stands still, by a coarser one whose vertices
-    mocap bodies carry.
-    """
+    """Add a flex `skin`, coarser than that of pictures, whose vertices mocap bodies carry."""
     rows = coarser_rows(SKIN_RINGS, COARSENING)
     _, triangles = hemisphere(SKIN_RINGS // COARSENING)
-    root.find("deformable", "skin").remove()
     names = [f"{PREFIX}{row}" for row in range(len(rows))]
     for name, p_B in zip(names, se3.transform(X_BS, skin.vertices_S[rows]), strict=True):
         root.worldbody.add("body", name=name, mocap=True, pos=p_B)

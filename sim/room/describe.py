@@ -98,3 +98,8 @@ def add_collision(body: Element, name: str, *, of_arm: bool, **shape: object) ->
 def compiled(root: Element) -> mujoco.MjModel:
     """The model that a description makes."""
     return mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
+
+
+def specification(root: Element) -> mujoco.MjSpec:
+    """A description as MuJoCo has it, to be added to before it is compiled."""
+    return mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())

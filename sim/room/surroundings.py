@@ -55,6 +55,9 @@ FINE_NUMBERS = {
 FINE_WORDS = {"cg.tone_mapping": "filmic", "shadows.type": "pcss"}
 """Light and tone under the physically based renderer (`sim.cameras.filament`, Studio), by eye; the
 classic one ignores them."""
+CHEST = "phantom"
+"""Name of the chest plate's body, whose frame is S. It is the first of the mocap bodies: breathing
+moves it."""
 CHEST_HULL = "chest_hull"
 """Name of the chest plate's collision shape."""
 
@@ -70,18 +73,15 @@ def add_room(root: Element) -> None:
 
 def add_chest(
     root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarray, "h w 3"] | None
-) -> Element:
+) -> None:
     """The chest plate, its flat top in the plane z_S = 0.
 
     Args:
         root: The description to add to.
         p_BS: Centre of the breast's base [m].
         image: Texture of the plate; None where only its shape counts.
-
-    Returns:
-        The plate's body, whose frame is S. It is the first of the mocap bodies: breathing moves it.
     """
-    chest = root.worldbody.add("body", name="phantom", mocap=True, pos=p_BS)
+    chest = root.worldbody.add("body", name=CHEST, mocap=True, pos=p_BS)
     height = p_BS[2]
     half = np.array([*PLATE_HALF, height / 2])
     add_collision(
@@ -90,7 +90,6 @@ def add_chest(
     if image is not None:
         add_material(root, "chest", image=image)
         _add_torso(chest, height)
-    return chest
 
 
 def add_stand(
