@@ -6,7 +6,6 @@ are not in life.
 """
 
 import numpy as np
-import scipy.fft
 from jaxtyping import Float, UInt8
 
 SKIN_TONE = np.array([220.0, 181.0, 163.0])
@@ -113,9 +112,9 @@ def band_noise(
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], across)
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
-    white = scipy.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
-    filtered = scipy.fft.ifft(scipy.fft.fft(white, axis=0) * gain, axis=0)
-    noise = scipy.fft.irfft(filtered, n=size, axis=1)
+    white = np.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
+    filtered = np.fft.ifft(np.fft.fft(white, axis=0) * gain, axis=0)
+    noise = np.fft.irfft(filtered, n=size, axis=1)
     noise /= noise.std()
     return noise
 

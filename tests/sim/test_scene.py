@@ -103,6 +103,15 @@ def test_default_tip_is_200_mm_of_tool_bent_by_45_degrees():
     np.testing.assert_allclose(tip_pose(np.pi / 4)[:3, 3], expected, atol=1e-12)
 
 
+def test_the_skin_of_pictures_is_the_phantoms(quiet_scene):
+    model, skin = quiet_scene.pictures, quiet_scene.phantom.skin
+    assert model.nflex == 1
+    np.testing.assert_array_equal(model.flex_vert, skin.vertices_S)
+    np.testing.assert_array_equal(model.flex_elem.reshape(-1, 3), skin.triangles)
+    np.testing.assert_allclose(model.flex_texcoord, skin.uv, atol=1e-7)
+    assert model.flex_vertbodyid[0] == model.body("phantom").id
+
+
 def test_physics_knows_no_skin(quiet_scene):
     assert quiet_scene.physics.nflex == 0
     assert quiet_scene.physics.nv == 6

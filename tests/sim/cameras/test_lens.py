@@ -19,6 +19,20 @@ def canvas_of(camera, supersampling=1):
     return canvases(StereoRig(left=camera, right=camera, X_RL=np.eye(4)), supersampling)["left"]
 
 
+def test_a_lens_is_prepared_by_what_its_camera_is_and_not_by_which_was_first():
+    plain, bent = pinhole(), pinhole(distortion=(-0.2, 0.05, 0.0, 0.0, 0.0))
+    drawn = np.random.default_rng(0).integers(0, 255, (200, 200, 3), np.uint8)
+
+    def light(camera):
+        canvas = canvas_of(bent)
+        picture = drawn[: canvas.height, : canvas.width].copy()
+        return Lens(camera, canvas, 1, IDEAL).bend(picture)
+
+    first = light(bent)
+    assert np.abs(light(plain) - first).max() > 1.0
+    np.testing.assert_array_equal(light(pinhole(distortion=(-0.2, 0.05, 0, 0, 0))), first)
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_soft_dots_appear_where_opencv_projects_them(quiet_scene, side):
     found = measure(quiet_scene.rig, side, supersampling=2, seed=0)

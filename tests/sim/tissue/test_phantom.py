@@ -10,6 +10,7 @@ from sim.tissue.breast import SHAPES
 from sim.tissue.layers import LayerConfig
 from sim.tissue.phantom import TEXTURE_RIM, TEXTURE_SIZE_PX, Phantom
 from sim.tissue.phantom_config import PhantomConfig
+from sim.tissue.texture import BANDWIDTH, band_noise
 
 CAMERA_PIXEL = 0.8e-3
 """Size of a camera's pixel on the skin at working distance [m]."""
@@ -160,6 +161,18 @@ def test_impossible_phantoms_are_refused(wrong, why):
 def test_impossible_tissues_are_refused(wrong):
     with pytest.raises(ConfigError):
         LayerConfig(**wrong)
+
+
+@pytest.mark.parametrize("wavelength", [5.0, 18.0, 300.0])
+def test_noise_is_what_the_whole_spectrum_would_give(wavelength):
+    size = 256
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
+    gain = np.exp(-0.5 * ((frequency * wavelength - 1) / BANDWIDTH) ** 2)
+    gain[0, 0] = 0.0
+    white = np.random.default_rng(2).standard_normal((size, size))
+    whole = np.fft.irfft2(np.fft.rfft2(white) * gain, s=(size, size))
+    noise = band_noise(np.random.default_rng(2), size, wavelength)
+    np.testing.assert_allclose(noise, whole / whole.std(), atol=1e-10)
 
 
 def test_every_matching_window_of_the_skin_has_contrast(skin_texture):

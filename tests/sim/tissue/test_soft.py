@@ -272,6 +272,18 @@ def test_gap_is_the_distance_along_the_skins_normal_to_the_face(phantom, complia
             assert expected < inward[met] + 6e-5
 
 
+def test_no_vertex_is_lost_with_a_ball_that_is_left_out(phantom, compliance):
+    surface, face = contact_surface(phantom, compliance), ProbeFace().parameters()
+    everywhere = np.tile([0.0, 0.0, 0.0, 1.0], (len(surface.balls_S), 1))
+    for azimuth in np.linspace(0, 2 * np.pi, 40):
+        X_SP = loop_pose(phantom, azimuth, 0.004)
+        all_tried = find_near(face, X_SP, surface.vertices_S, everywhere)
+        assert len(all_tried) > 100
+        np.testing.assert_array_equal(
+            find_near(face, X_SP, surface.vertices_S, surface.balls_S), all_tried
+        )
+
+
 def test_the_deformed_skin_wraps_the_probes_face(phantom, tissue):
     """Under the centre of the face, within the .2 mm that the skin moves sideways on a curved
     face.
