@@ -39,7 +39,7 @@ from sim.room.surroundings import (
     add_stand,
 )
 from sim.tissue.breathing import BreathingConfig, rise
-from sim.tissue.phantom import Phantom, PhantomConfig, SkinMesh
+from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.wrist.probe import add_tool, tip_pose
 from sim.wrist.probe_face import ProbeFace
 from sim.wrist.wrench_errors import WrenchSensorConfig
@@ -185,7 +185,7 @@ class Scene:
         for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
             root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
         spec = specification(root)
-        _add_skin(spec, self.phantom.skin)
+        self._add_skin(spec)
         return spec.compile()
 
     @cached_property
@@ -218,6 +218,18 @@ class Scene:
             add_material(root, "skin", image=self.phantom.texture_image())
         return root
 
+    def _add_skin(self, spec: mujoco.MjSpec) -> None:
+        """The skin as a thin, massless, matt surface that touches nothing; as numbers, since to
+        write and read them as text would take longer than all the rest.
+        """
+        skin = self.phantom.skin
+        spec.add_flex(
+            name="skin", dim=2, radius=1e-5, material=["skin"], vertbody=[CHEST],
+            vert=skin.vertices_S.ravel(), elem=skin.triangles.ravel(),
+            texcoord=skin.uv.ravel(), elemtexcoord=skin.triangles.ravel(),
+            contype=0, conaffinity=0, selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
+        )  # fmt: skip
+
 
 def _load_rig(path: Path | None) -> tuple[StereoRig, Float[np.ndarray, "4 4"]]:
     rig = StereoRig.load(path or Path(str(resources.files("assets") / "rig.yaml")))
@@ -226,15 +238,3 @@ def _load_rig(path: Path | None) -> tuple[StereoRig, Float[np.ndarray, "4 4"]]:
             f"{path} holds no X_BL: the twin must know where its cameras stand", path
         )
     return rig, rig.X_BL
-
-
-def _add_skin(spec: mujoco.MjSpec, skin: SkinMesh) -> None:
-    """The skin as a thin, massless, matt surface that touches nothing; as numbers, since to write
-    and read them as text would take longer than all the rest.
-    """
-    spec.add_flex(
-        name="skin", dim=2, radius=1e-5, material=["skin"], vertbody=[CHEST],
-        vert=skin.vertices_S.ravel(), elem=skin.triangles.ravel(),
-        texcoord=skin.uv.ravel(), elemtexcoord=skin.triangles.ravel(),
-        contype=0, conaffinity=0, selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
-    )  # fmt: skip

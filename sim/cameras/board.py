@@ -3,6 +3,7 @@
 """The twin on calibration day: no breast, but a chessboard, placed freely or held by the flange."""
 
 import cv2
+import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float
@@ -74,6 +75,9 @@ class BoardScene(Scene):
             parent = root.find("body", "flange") if self._held else root.worldbody
             _add_board(parent, self._board, held=self._held)
         return root
+
+    def _add_skin(self, spec: mujoco.MjSpec) -> None:
+        """None: the board is there in its place."""
 
 
 def _add_board(parent: Element, board: Board, *, held: bool) -> None:
