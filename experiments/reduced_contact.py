@@ -7,7 +7,7 @@ contact problem: what gains are tuned on.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -87,8 +87,8 @@ def run(
     start = plant.skin(0.0) + (config.contact_force / scale) ** (1 / EXPONENT)
     tip = ServoModel.resting(start, SERVO, PERIOD)
     memory = ContactMemory.resting(start, SERVO, PERIOD)
-    memory = memory._replace(
-        slow=memory.slow._replace(force=config.contact_force), variance=readings.variance
+    memory = replace(
+        memory, slow=replace(memory.slow, force=config.contact_force), variance=readings.variance
     )
     memory = contact.begin(memory, config)
     before = plant.skin(0.0)
