@@ -26,7 +26,7 @@ PICTURE_PX = (480, 360)
 NUMBER = re.compile(r"[-+]?\d*\.?\d+")
 EXPLAINED = "In the twin, "
 """Before what the twin knows of an error (`Twin.explain`)."""
-CLAUSE = re.compile(r"[:;,(]")
+CLAUSE = re.compile(r"[:;(]")
 """What ends the first clause of an error, which tells its kind."""
 
 
@@ -104,7 +104,7 @@ def _told(error: Exception) -> dict[str, Any]:
     """
     name = type(error).__name__ + ("" if isinstance(error, BreastScanError) else " (a bug)")
     notes = list(getattr(error, "__notes__", []))
-    known = notes[0].removeprefix(EXPLAINED) if notes else str(error)
+    known = notes[0].removeprefix(EXPLAINED).partition(",")[0] if notes else str(error)
     kind = CLAUSE.split(NUMBER.sub("#", known))[0].strip()
     return {"error": ". ".join([f"{name}: {error}", *notes]), "cause": f"{name}: {kind}"}
 
