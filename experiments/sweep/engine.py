@@ -12,6 +12,9 @@ import json
 import os
 import signal
 import socket
+import threading
+import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -44,8 +47,10 @@ MAX_DEATHS = 3
 """Processes that a run may take along; then it counts as failed."""
 IN_HAND = 2
 """Runs that wait at each worker: it is never idle, and few are lost from sight."""
-IDLE_TIME = 30.0
-"""After which a worker without work ends, as all do whose driver was killed [s]."""
+LOOK_TIME = 1.0
+"""In which a worker notices that its driver was killed [s]."""
+RUNNING = threading.Lock()
+"""Held by a worker while it is at a run."""
 ANSWER_TIME = 10.0
 """For an engine to answer [s]."""
 
@@ -71,9 +76,9 @@ def here(workers: int) -> Engine:
 
     @contextmanager
     def engine() -> Iterator[tuple[Executor, int]]:
-        pool = ProcessPoolExecutor(
-            max_workers=workers, timeout=IDLE_TIME, env=ONE_THREAD, initializer=_leave_interrupts
-        )
+        # a worker that died is told by its run
+        warnings.filterwarnings("ignore", "A worker stopped while some jobs")
+        pool = ProcessPoolExecutor(max_workers=workers, env=ONE_THREAD, initializer=_begin_worker)
         try:
             yield pool, workers
         finally:
@@ -82,9 +87,20 @@ def here(workers: int) -> Engine:
     return engine
 
 
-def _leave_interrupts() -> None:
-    """Ctrl-C is the driver's, which ends its workers: an interrupted run is no failed one."""
+def _begin_worker() -> None:
+    """Ctrl-C is the driver's, which ends its workers: an interrupted run is no failed one. A worker
+    whose driver was killed ends by itself.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_after, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_after(driver: int) -> None:
+    """End this process with its driver, after the run that it is at."""
+    while os.getppid() == driver:
+        time.sleep(LOOK_TIME)
+    with RUNNING:
+        os._exit(0)
 
 
 def dask(address: str, folder: Path) -> Engine:
@@ -247,7 +263,7 @@ def once(task: Task[Item], item: Item, folder: str) -> None:
     """In a worker: run what has no record, whoever else tries to."""
     _one_thread()
     record = Path(folder) / RECORDS / f"{item.number:06}.json"
-    with _claimed(record.with_suffix(".lock")) as deaths:
+    with RUNNING, _claimed(record.with_suffix(".lock")) as deaths:
         if record.exists():
             return
         if deaths < MAX_DEATHS:

@@ -219,7 +219,7 @@ def _label(name: str, value: Any, spec: SweepSpec) -> Any:
     if not isinstance(value, dict):
         return value
     (options,) = spec.vary[name].values()
-    return options.index(value)
+    return str(options.index(value))
 
 
 def _require_factor(

@@ -27,6 +27,14 @@ carry_out(squared, stubs(24, folder, seconds=0.3), folder, here(2))
 """
 
 
+def is_running(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def records(folder):
     return {
         int(path.stem): json.loads(path.read_text()) for path in (folder / RECORDS).glob("*.json")
@@ -78,9 +86,11 @@ def test_after_a_killed_driver_the_same_sweep_does_the_rest_and_no_run_twice(tmp
     wait_for(lambda: len(noted(tmp_path, "ends")) > 4)
     driver.kill()
     driver.wait()
+    workers = {pid for _, pid in noted(tmp_path, "begins")}
     carry_out(squared, stubs(RUNS, tmp_path), tmp_path, here(2))  # its workers are still at theirs
     assert records(tmp_path) == squares(RUNS)
     assert sorted(number for number, _ in noted(tmp_path, "ends")) == list(range(RUNS))
+    wait_for(lambda: not any(map(is_running, workers)))
 
 
 def test_ctrl_c_as_often_as_one_likes_makes_no_run_a_failed_one(tmp_path):

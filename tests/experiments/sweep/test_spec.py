@@ -61,7 +61,7 @@ def test_what_is_drawn_has_the_distribution_that_was_asked_for(design):
 def test_settings_that_belong_together_change_together():
     together = [{"scene.arm.seed": 1, "rig": "a.yaml"}, {"scene.arm.seed": 2, "rig": "b.yaml"}]
     runs = SweepSpec(vary={"cell": {"values": together}}, repetitions=2).runs(0)
-    assert [run.varied["cell"] for run in runs] == [0, 0, 1, 1]
+    assert [run.varied["cell"] for run in runs] == ["0", "0", "1", "1"]
     assert [run.config().scene.arm.seed for run in runs] == [1, 1, 2, 2]
     assert str(runs[-1].config().rig) == "b.yaml"
     assert len({run.seed for run in runs}) == 4
@@ -83,14 +83,14 @@ def test_the_population_is_as_large_as_it_is_asked_for_and_every_breast_has_its_
     spec = study_population.spec(40)
     runs = spec.runs(0)
     assert len(runs) == 40
-    assert {run.varied["cell"] for run in runs} == set(range(10))
+    assert {run.varied["cell"] for run in runs} == set("0123456789")
     assert {run.varied[BREAST] for run in runs} == {
         "standard", "dense", "heterogeneous", "scattered", "fatty",
     }  # fmt: skip
     for run in runs:
         config = run.config()
         assert config.rig.is_file()
-        assert config.scene.arm.seed == run.varied["cell"]
+        assert str(config.scene.arm.seed) == run.varied["cell"]
 
 
 REFUSED = {
