@@ -12,6 +12,7 @@ import polars
 
 from breastscan.scan import ScanConfig
 from experiments.sweep.spec import SweepSpec, load
+from experiments.sweep.statistics import percent
 
 SPEC = Path(str(resources.files("assets"))) / "studies" / "population.yaml"
 SET_POINT = ScanConfig().contact.force
@@ -28,6 +29,12 @@ CONDITIONS = {
 """Least and greatest of the metrics of a scan that went well: in contact over the whole loop, the
 true force held within 1 N, nobody pressed hard or touched by anything but the probe's face, and the
 loop followed on a surface that was seen."""
+
+
+MEASURED = (
+    *CONDITIONS, "surface_rmse_mm", "normal_mean_deg", "normal_tilt_mean_deg", "force_rmse_n",
+)  # fmt: skip
+"""What the tables tell of."""
 
 
 def spec(count: int | None) -> SweepSpec:
@@ -49,6 +56,36 @@ def judged(frame: polars.DataFrame) -> polars.DataFrame:
         success=ended & (told == ""),
         cause=polars.when(ended & (told != "")).then("Missed: " + told).otherwise("cause"),
     )
+
+
+def tables(frame: polars.DataFrame) -> str:
+    """How the scans of a judged population went, why others did not, and what was measured, as
+    Markdown.
+    """
+    n = len(frame)
+    refused = frame["refused"].fill_null(False)
+    outcomes = {
+        "success": frame["success"].sum(),
+        "refused before contact": refused.sum(),
+        "failed": (~frame["success"] & ~refused).sum(),
+    }
+    lines = ["| of all | scans | share (95 % interval) |", "|---|---|---|"]
+    for name, count in outcomes.items():
+        lines.append(f"| {name} | {count} | {100 * count / n:.1f} % ({percent(count, n)}) |")
+    lines += ["", "| why not | scans | of them refused |", "|---|---|---|"]
+    causes = frame.filter(~polars.col("success")).group_by("cause").agg(
+        polars.len(), refused=polars.col("refused").sum()
+    )  # fmt: skip
+    for cause, count, early in causes.sort(["len", "cause"], descending=[True, False]).iter_rows():
+        lines.append(f"| {cause} | {count} | {early} |")
+    lines += ["", "| of all that touched | scans | median | 5 % | 95 % |", "|---|---|---|---|---|"]
+    touching = frame.filter(polars.col("touched"))
+    for name in (name for name in MEASURED if name in frame.columns):
+        values = touching[name].drop_nulls()
+        if len(values):
+            low, median, high = (values.quantile(q, "linear") for q in (0.05, 0.5, 0.95))
+            lines.append(f"| `{name}` | {len(values)} | {median:.3g} | {low:.3g} | {high:.3g} |")
+    return "\n".join(lines) + "\n"
 
 
 def _missed(

@@ -110,9 +110,11 @@ def study(
         _require_agreed(asked.size, yes)
         with _progress(asked.size) as done:
             judge = study_population.judged if name == "population" else study_sweep.unjudged
-            study_sweep.run(
+            frame = study_sweep.run(
                 asked, folder, seed=seed, engine=chosen, name=name, judge=judge, told=done
             )
+        if name == "population":
+            (folder / "study.md").write_text(study_population.tables(frame), encoding="utf-8")
         console.print(f"Data set: {folder / f'{name}.parquet'}", soft_wrap=True)
     else:
         STUDIES[name].run(folder, seed=seed)

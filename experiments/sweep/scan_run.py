@@ -23,7 +23,8 @@ from sim.twin import Twin
 
 PICTURE_PX = (480, 360)
 """Of what is pictured of a scan that failed."""
-NUMBER = re.compile(r"[-+]?\d*\.?\d+")
+NUMBER = re.compile(r"\[[^\]]*\]|[-+]?\d*\.?\d+")
+"""A number, or a point's coordinates."""
 EXPLAINED = "In the twin, "
 """Before what the twin knows of an error (`Twin.explain`)."""
 CLAUSE = re.compile(r"[:;(]")

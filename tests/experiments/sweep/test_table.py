@@ -114,3 +114,23 @@ def test_what_was_never_measured_is_missed():
     judged = study_population.judged(polars.DataFrame({"error": [None], "cause": [None]}))
     assert judged["success"].to_list() == [False]
     assert judged["cause"][0].startswith("Missed: contact_fraction, force_min_n")
+
+
+def test_the_tables_of_a_population_count_what_was_judged():
+    rows = [
+        {**WELL, "touched": True, "refused": False},
+        {**WELL, "touched": True, "refused": False, "executed_truth_rms_mm": 2.5},
+        {**WELL, "touched": False, "refused": True, "error": "PlanningError: no", "cause": "A"},
+        {**WELL, "touched": True, "refused": False, "error": "SafetyError: no", "cause": "B"},
+    ]
+    schema = {
+        name: polars.String if name in ("error", "cause") else polars.Float64 for name in WELL
+    }
+    schema |= {"touched": polars.Boolean, "refused": polars.Boolean}
+    told = study_population.tables(study_population.judged(polars.DataFrame(rows, schema=schema)))
+    assert "| success | 1 | 25.0 % (4.6 … 69.9 %) |" in told  # Wilson's interval of 1 in 4
+    assert "| refused before contact | 1 |" in told
+    assert "| failed | 2 |" in told
+    assert "| A | 1 | 1 |" in told
+    assert "| Missed: executed_truth_rms_mm | 1 | 0 |" in told
+    assert "| `executed_truth_rms_mm` | 3 | 1.4 |" in told
