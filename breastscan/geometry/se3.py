@@ -12,6 +12,7 @@ Monogram notation: `X_AB` is the pose of frame B in frame A, so `p_A = transform
 | F | tool flange | z out of the flange |
 | P | probe tip | centre of its face; z out of it into tissue, x along the array, y in elevation |
 | Q | probe tip before its roll | that of P; z that of P |
+| H | a hull of arm or tool | its centre; axes of its shape |
 | M | mount and probe | their centre of mass; axes of P |
 | T | tool centre point | as the controller is told; P where that is the probe tip |
 | L, R | left and right camera | optical centre; OpenCV: x right, y down, z forward |

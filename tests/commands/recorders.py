@@ -124,7 +124,7 @@ class Scanned:
 class ATwin(SimpleNamespace):
     """The twin of a command, as a context; a scan of it stays as it is."""
 
-    scene = tissue = robot = camera = cell = clearances = None
+    scene = tissue = robot = camera = cell = clearances = explain = None
 
     def measured(self, result):
         return result

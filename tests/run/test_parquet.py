@@ -58,8 +58,10 @@ def test_a_turning_probe_has_smooth_quaternions(tmp_path):
     X_SP = np.tile(np.eye(4), (len(angle), 1, 1))
     X_SP[:, 0, 0] = X_SP[:, 1, 1] = np.cos(angle)
     X_SP[:, 1, 0], X_SP[:, 0, 1] = np.sin(angle), -np.sin(angle)
-    rows = dict.fromkeys(("time", "force_axial", "depth"), angle)
-    values = {**rows, "q": np.zeros((len(angle), 6)), "X_SP": X_SP}
+    rows = dict.fromkeys(("time", "force_axial", "depth", "rise", "rigid_force"), angle)
+    nothing = np.full(len(angle), "")
+    values = {**rows, "q": np.zeros((len(angle), 6)), "chest_S": np.zeros((len(angle), 3)),
+              "of_arm": nothing, "of_other": nothing, "X_SP": X_SP}  # fmt: skip
     parquet.write(tmp_path / "truth.parquet", TRUTH, values)
     q = polars.read_parquet(tmp_path / "truth.parquet", columns=["tip_qw_phantom"]).to_series()
     np.testing.assert_allclose(q, np.cos(angle / 2), atol=1e-12)
