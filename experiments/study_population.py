@@ -63,11 +63,12 @@ def tables(frame: polars.DataFrame) -> str:
     Markdown.
     """
     n = len(frame)
-    refused = frame["refused"].fill_null(False)
+    success = frame["success"].to_numpy()
+    refused = frame["refused"].fill_null(False).to_numpy()
     outcomes = {
-        "success": frame["success"].sum(),
-        "refused before contact": refused.sum(),
-        "failed": (~frame["success"] & ~refused).sum(),
+        "success": int(success.sum()),
+        "refused before contact": int(refused.sum()),
+        "failed": int((~success & ~refused).sum()),
     }
     lines = ["| of all | scans | share (95 % interval) |", "|---|---|---|"]
     for name, count in outcomes.items():
