@@ -40,8 +40,9 @@ def scan_run(run: Run, pictures: Path) -> dict[str, Any]:
 
     Returns:
         The metrics as docs/data.md lists them, for a scan that ended early those of what was done;
-        `error`, `cause`, `picture` (None where it ended well); `touched`: whether the probe met the
-        skin; `refused`: whether it ended before it did; `wall_s` and `cpu_s` of the whole [s].
+        `error`, `cause`, `picture` (None where it ended well); `touched`: whether arm or tool met
+        the body; `refused`: whether it ended before they did; `wall_s` and `cpu_s` of the whole
+        [s].
     """
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, Any] = {"error": None, "cause": None, "picture": None, "touched": False}
@@ -74,7 +75,7 @@ def _scanned(run: Run, pictures: Path) -> dict[str, Any]:
             found = _told(error) | done.metrics(twin, config)
             found["picture"] = f"{run.number:06}.png"
             write_image(pictures / found["picture"], _picture(twin, done))
-        touched = bool((twin.robot.truth_log().force_axial > 0).any())
+        touched = bool((twin.robot.truth_log().force_any > 0).any())
     return {**found, "touched": touched, "stages": stages.wall_s}
 
 
