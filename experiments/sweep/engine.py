@@ -78,7 +78,9 @@ def here(workers: int) -> Engine:
     def engine() -> Iterator[tuple[Executor, int]]:
         # a worker that died is told by its run
         warnings.filterwarnings("ignore", "A worker stopped while some jobs")
-        pool = ProcessPoolExecutor(max_workers=workers, env=ONE_THREAD, initializer=_begin_worker)
+        pool = ProcessPoolExecutor(
+            max_workers=workers, env=ONE_THREAD, initializer=_begin_worker, initargs=(os.getpid(),)
+        )
         try:
             yield pool, workers
         finally:
@@ -87,12 +89,12 @@ def here(workers: int) -> Engine:
     return engine
 
 
-def _begin_worker() -> None:
+def _begin_worker(driver: int) -> None:
     """Ctrl-C is the driver's, which ends its workers: an interrupted run is no failed one. A worker
     whose driver was killed ends by itself.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_after, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_end_after, args=(driver,), daemon=True).start()
 
 
 def _end_after(driver: int) -> None:
@@ -193,8 +195,14 @@ def carry_out(
         deaths, left = 0, _left(items, records)
         told(len(items) - len(left))
         while left:
-            with engine() as (pool, workers):
-                _hand_out(task, left, len(items) - len(left), folder, pool, workers, told)
+            # begun and not ended: a worker died at it, or at one beside it, as will be seen alone
+            suspects = [
+                [item] for item in left if _record(records, item).with_suffix(".lock").exists()
+            ]
+            for some in suspects or [left]:
+                done = len(items) - len(_left(items, records))
+                with engine() as (pool, workers):
+                    _hand_out(task, some, done, folder, pool, workers, told)
             deaths = 0 if len(_left(items, records)) < len(left) else deaths + 1
             left = _left(items, records)
             if deaths > MAX_DEATHS:
@@ -203,6 +211,10 @@ def carry_out(
                     "enough? Fewer --workers take less",
                     deaths,
                 )
+
+
+def _record(records: Path, item: Numbered) -> Path:
+    return records / f"{item.number:06}.json"
 
 
 def _left(items: Sequence[Item], records: Path) -> list[Item]:
@@ -262,7 +274,7 @@ def _alone(folder: Path) -> Iterator[None]:
 def once(task: Task[Item], item: Item, folder: str) -> None:
     """In a worker: run what has no record, whoever else tries to."""
     _one_thread()
-    record = Path(folder) / RECORDS / f"{item.number:06}.json"
+    record = _record(Path(folder) / RECORDS, item)
     with RUNNING, _claimed(record.with_suffix(".lock")) as deaths:
         if record.exists():
             return
