@@ -13,7 +13,7 @@ from rich.markup import escape
 from breastscan.checks import require_known
 from breastscan.commands import completion, settings
 from breastscan.commands.console import twin_imports
-from breastscan.errors import BreastScanError
+from breastscan.errors import BreastScanError, notes_of
 from breastscan.run.provenance import unsuited, version_of
 
 INTERRUPTED = 130
@@ -116,8 +116,8 @@ def _is_interrupt(error: BaseException | None) -> bool:
 def _told(error: Exception) -> str | None:
     """The line for a user, and the error's notes; None for what only a programmer can act on."""
     if isinstance(error, BreastScanError):
-        notes = getattr(error, "__notes__", [])
-        return f"[red]{type(error).__name__}[/]: " + "\n".join(map(escape, [str(error), *notes]))
+        told = "\n".join(map(escape, [str(error), *notes_of(error)]))
+        return f"[red]{type(error).__name__}[/]: {told}"
     if isinstance(error, OSError) and error.errno in FULL:
         return (
             f"[red]{error.strerror}[/]: free some, or choose another folder with --out; earlier "

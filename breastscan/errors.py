@@ -14,6 +14,11 @@ class BreastScanError(Exception):
         self.value = value
 
 
+def notes_of(error: BaseException) -> list[str]:
+    """What was noted on an error on its way, a sentence each."""
+    return list(getattr(error, "__notes__", []))
+
+
 class ConfigError(BreastScanError):
     """A setting, an argument or a file system path that cannot be used."""
 

@@ -68,6 +68,24 @@ def names(config: object, prefix: str = "") -> Iterator[str]:
             yield f"{prefix}{name}"
 
 
+def flat(
+    content: dict[str, Any], is_split: Callable[[str], bool] = lambda name: True, prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Nested names and their values, the former whole.
+
+    Args:
+        content: By name, as a file holds it.
+        is_split: Of a name, whether what it holds by name counts one by one.
+        prefix: Of all names.
+    """
+    for key, value in content.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, dict) and is_split(name):
+            yield from flat(value, is_split, f"{name}.")
+        else:
+            yield name, value
+
+
 def require_name(name: str, known: Collection[str], where: str = "") -> None:
     """Accept the name of a setting.
 

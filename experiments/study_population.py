@@ -4,6 +4,8 @@ Shapes, sizes, stiffness and breath are drawn, and one of ten cells, each with a
 estimated rig of its own (`assets/studies/population.yaml`).
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -11,6 +13,8 @@ from pathlib import Path
 import polars
 
 from breastscan.scan import ScanConfig
+from experiments import study_sweep
+from experiments.sweep.engine import Engine
 from experiments.sweep.spec import SweepSpec, load
 from experiments.sweep.statistics import percent
 
@@ -19,12 +23,12 @@ SET_POINT = ScanConfig().contact.force
 """Of the contact force [N]."""
 CONDITIONS = {
     "contact_fraction": (1.0, 1.0),
-    "force_min_n": (SET_POINT - 1.0, None),
-    "force_peak_n": (None, SET_POINT + 1.0),
-    "force_any_peak_n": (None, 8.0),
-    "clearance_body_min_mm": (0.0, None),
-    "surface_density": (0.95, None),
-    "executed_truth_rms_mm": (None, 1.5),
+    "force_min_n": (SET_POINT - 1.0, math.inf),
+    "force_peak_n": (-math.inf, SET_POINT + 1.0),
+    "force_any_peak_n": (-math.inf, 8.0),
+    "clearance_body_min_mm": (0.0, math.inf),
+    "surface_density": (0.95, math.inf),
+    "executed_truth_rms_mm": (-math.inf, 1.5),
 }
 """Least and greatest of the metrics of a scan that went well: in contact over the whole loop, the
 true force held within 1 N, nobody pressed hard or touched by anything but the probe's face, and the
@@ -45,6 +49,24 @@ def spec(count: int | None) -> SweepSpec:
     """
     whole = load(SPEC)
     return whole if count is None else replace(whole, count=count)
+
+
+def run(
+    spec: SweepSpec,
+    out: Path,
+    *,
+    seed: int,
+    engine: Engine,
+    told: Callable[[int], None] = lambda done: None,
+) -> polars.DataFrame:
+    """Scan a population and judge it; leave `study.md` beside what every sweep leaves, as
+    `study_sweep.run`.
+    """
+    frame = study_sweep.run(
+        spec, out, seed=seed, engine=engine, name="population", judge=judged, told=told
+    )
+    (out / "study.md").write_text(tables(frame), encoding="utf-8")
+    return frame
 
 
 def judged(frame: polars.DataFrame) -> polars.DataFrame:
@@ -89,14 +111,9 @@ def tables(frame: polars.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _missed(
-    frame: polars.DataFrame, name: str, low: float | None, high: float | None
-) -> polars.Expr:
+def _missed(frame: polars.DataFrame, name: str, low: float, high: float) -> polars.Expr:
     """The metric's name where it is out of bounds, or was not measured."""
     if name not in frame.columns:
         return polars.lit(name)
-    value = polars.col(name)
-    within = value.is_not_null()
-    within &= polars.lit(True) if low is None else value >= low
-    within &= polars.lit(True) if high is None else value <= high
+    within = polars.col(name).is_between(low, high)  # null where it was not measured
     return polars.when(within).then(None).otherwise(polars.lit(name))

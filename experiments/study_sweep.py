@@ -27,8 +27,8 @@ def run(
     *,
     seed: int,
     engine: Engine,
-    name: str,
-    judge: Judge,
+    name: str = "sweep",
+    judge: Judge = lambda frame: frame,
     told: Callable[[int], None] = lambda done: None,
 ) -> polars.DataFrame:
     """Scan with every choice of settings; what the folder holds already is not done again.
@@ -75,11 +75,6 @@ def write_page(data: Path, folder: Path) -> None:
     )
     folder.mkdir(parents=True, exist_ok=True)
     page.write(frame, meta, folder)
-
-
-def unjudged(frame: polars.DataFrame) -> polars.DataFrame:
-    """A data set whose scans went well where they ended without an error."""
-    return frame
 
 
 def _begin(out: Path, spec: SweepSpec, seed: int) -> None:

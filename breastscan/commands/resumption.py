@@ -14,7 +14,7 @@ from breastscan.camera.interface import StereoPair
 from breastscan.cell import Cell
 from breastscan.commands.console import console
 from breastscan.commands.results import elsewhere
-from breastscan.commands.settings import PROVENANCE, flat
+from breastscan.commands.settings import PROVENANCE
 from breastscan.errors import ConfigError
 from breastscan.robot.interface import Robot
 from breastscan.run import journal
@@ -23,6 +23,7 @@ from breastscan.run.trajectory import Sample
 from breastscan.run.unfinished import ABORTED, CELL_FILE, JOURNAL_FILE, PLAN_FILE, settings_file
 from breastscan.run.writing import as_json, write_aborted, write_image, write_settings
 from breastscan.scan import CutOff, Keep, ScanPlan
+from breastscan.settings import flat
 
 NAMED = 5
 """Most settings that an error names."""

@@ -22,6 +22,7 @@ from breastscan.cell import Cell
 from breastscan.commands import resumption
 from breastscan.commands.console import Out, Seed, console, progress_bars
 from breastscan.commands.results import leave, summarise, tell_plan
+from breastscan.commands.settings import require_used
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.geometry import calibration_file
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
@@ -106,7 +107,7 @@ def scan(
         RobotError: The robot is not there, not ready, or stopped.
     """
     drawn = scene.seeded(seed)
-    _require_used(
+    require_used(
         {
             "--cell, --camera, --calibration, --dry-run, --yes and link are a robot's: give "
             "--robot rtde://HOST as well": robot is None
@@ -159,13 +160,6 @@ def _begun(resume: Path | None, settings: dict, config: ScanConfig) -> CutOff | 
     """What is gone on with, if anything is."""
     whole = {**settings, **vars(config)}
     return None if resume is None else resumption.cut_off(resume, whole)
-
-
-def _require_used(refused: dict[str, bool]) -> None:
-    """Accept options none of which would be ignored; of each such case, what the user is told."""
-    for reason, holds in refused.items():
-        if holds:
-            raise ConfigError(reason)
 
 
 def _scan_twin(

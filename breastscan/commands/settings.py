@@ -11,7 +11,7 @@ import dataclasses
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from functools import wraps
 from itertools import pairwise
@@ -25,7 +25,7 @@ from rich.table import Table
 
 from breastscan.errors import ConfigError
 from breastscan.run.unfinished import settings_file
-from breastscan.settings import read_file, require_name
+from breastscan.settings import flat, read_file, require_name
 
 REPLACED = ("--set", "--config")
 """Options that stand for others."""
@@ -202,9 +202,10 @@ def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list
     found = []
 
     def holds_settings(name: str) -> bool:
-        return any(setting.startswith(f"{name}.") for setting in known)
+        return any(setting.startswith(f"{_as_typed(name)}.") for setting in known)
 
-    for name, value in flat(content, holds_settings):
+    for filed, value in flat(content, holds_settings):
+        name = _as_typed(filed)
         top = _top(name)
         if top in PROVENANCE:
             continue
@@ -217,26 +218,27 @@ def _from_file(known: dict[str, Setting], path: Path, unused: list[str]) -> list
     return found
 
 
+def _as_typed(name: str) -> str:
+    """A name of a file as settings are named: dashes stand for underscores."""
+    return name.replace("-", "_")
+
+
 def _top(name: str) -> str:
     return name.partition(".")[0]
 
 
-def flat(
-    content: dict, is_split: Callable[[str], bool] = lambda name: True, prefix: str = ""
-) -> Iterator[tuple[str, Any]]:
-    """Nested names and their values, the former whole.
+def require_used(refused: dict[str, bool]) -> None:
+    """Accept options none of which would be ignored.
 
     Args:
-        content: By name.
-        is_split: Of a name, whether what it holds by name counts one by one.
-        prefix: Of all names.
+        refused: Whether a case is there, by what the user is told of it.
+
+    Raises:
+        ConfigError: One is.
     """
-    for key, value in content.items():
-        name = f"{prefix}{key}".replace("-", "_")
-        if isinstance(value, dict) and is_split(name):
-            yield from flat(value, is_split, f"{name}.")
-        else:
-            yield name, value
+    for reason, holds in refused.items():
+        if holds:
+            raise ConfigError(reason)
 
 
 def _option(path: str, value: Any, setting: Setting) -> list[str]:

@@ -12,6 +12,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 
 from breastscan.checks import require_known, require_seed
 from breastscan.commands.console import Out, Seed, console, progress_bars
+from breastscan.commands.settings import require_used
 from breastscan.errors import ConfigError
 from experiments import (
     study_cameras,
@@ -36,7 +37,7 @@ STUDIES = {
     "twin": study_twin,
     "weights": study_weights,
 }
-SWEPT = ("sweep", "population")
+SWEPT = {"sweep": study_sweep, "population": study_population}
 """Studies of many scans."""
 MANY = 10_000
 """Scans that are asked about before they run."""
@@ -81,7 +82,7 @@ def study(
     require_seed(seed)
     require_known(name, (*STUDIES, *SWEPT, "report"), "study")
     swept, filed = name in SWEPT, name in ("sweep", "report")
-    _require_used(
+    require_used(
         {
             f"study {name} takes a file: give it behind the name": filed and source is None,
             f"study {name} takes no file, got {source}": not filed and source is not None,
@@ -109,23 +110,11 @@ def study(
         asked = study_population.spec(count) if source is None else spec.load(source)
         _require_agreed(asked.size, yes)
         with _progress(asked.size) as done:
-            judge = study_population.judged if name == "population" else study_sweep.unjudged
-            frame = study_sweep.run(
-                asked, folder, seed=seed, engine=chosen, name=name, judge=judge, told=done
-            )
-        if name == "population":
-            (folder / "study.md").write_text(study_population.tables(frame), encoding="utf-8")
+            SWEPT[name].run(asked, folder, seed=seed, engine=chosen, told=done)
         console.print(f"Data set: {folder / f'{name}.parquet'}", soft_wrap=True)
     else:
         STUDIES[name].run(folder, seed=seed)
     console.print(f"Figures and tables in {folder}", soft_wrap=True)
-
-
-def _require_used(refused: dict[str, bool]) -> None:
-    """Accept options none of which would be ignored; of each such case, what the user is told."""
-    for reason, holds in refused.items():
-        if holds:
-            raise ConfigError(reason)
 
 
 def _scheduler(option: str) -> str:

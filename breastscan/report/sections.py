@@ -2,9 +2,7 @@
 out.
 """
 
-from collections.abc import Iterator
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +20,7 @@ from breastscan.report import (
 from breastscan.report.paper import compare_table4
 from breastscan.run.bars import scan_bars
 from breastscan.run.reading import VIDEO_FILE, Run
+from breastscan.settings import flat
 
 HEADLINES = {
     "surface_rmse_mm": "surface error, RMS",
@@ -192,20 +191,11 @@ def time(run: Run) -> str:
 
 def settings(run: Run) -> str:
     """Every setting and version, folded."""
-    rows = [(name, str(value)) for name, value in _flattened(run.config)]
+    rows = [(name, str(value)) for name, value in flat(run.config)]
     return html.section(
         "Settings",
         html.details("Settings, versions and seed", html.table(("setting", "value"), rows)),
     )
-
-
-def _flattened(settings: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Nested settings as pairs of a dotted name and a value."""
-    for key, value in settings.items():
-        if isinstance(value, dict):
-            yield from _flattened(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
 
 
 def _table4(run: Run) -> str:

@@ -18,7 +18,7 @@ import trimesh
 from jaxtyping import Float
 from trimesh.exchange.ply import export_ply
 
-from breastscan.errors import ConfigError
+from breastscan.errors import ConfigError, notes_of
 from breastscan.run.columns import PATH, names
 from breastscan.run.provenance import provenance
 from breastscan.run.trajectory import LOG_FILE, Trajectory
@@ -158,7 +158,7 @@ def write_aborted(out: Path, trajectory: Trajectory, error: BaseException) -> Pa
     content = {
         "error": type(error).__name__,
         "message": str(error),
-        "notes": getattr(error, "__notes__", []),
+        "notes": notes_of(error),
         "path_reached_m": reached,
         **provenance(),
     }

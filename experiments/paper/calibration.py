@@ -9,14 +9,19 @@ from jaxtyping import Float
 
 from breastscan.camera.interface import StereoPair
 from breastscan.report import calibration_figures
+from breastscan.report.paper import PUBLISHED
 from breastscan.run.metrics import rms
 from breastscan.vision import calibration
 from breastscan.vision.board import Board, BoardShot, find_shot
 from breastscan.vision.boards import bundle
 from breastscan.vision.calibration import Calibration
 from breastscan.vision.camera import Intrinsics, RectifiedPair, StereoRig
-from experiments.paper.item import Item, column
+from experiments.paper.item import Item, column, judged
 from sim.cameras.shown_board import ShotConfig, ShownBoard, board_poses
+
+SHOTS = PUBLISHED["calibration"]["shots"]
+SHARED_ROW_PX = 0.1
+"""Within which the rows of the same corner are one row [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +113,7 @@ def _corners(day: Calibrated) -> Item:
         heading="Fig. 2",
         ours=f"{len(day.found)} of {day.shown} shots show the whole board of 8 × 6 "
         f"squares to both cameras; a found corner is off the true one by {error_px:.3f} px (RMS)",
-        verdict="agrees",
+        verdict=judged(len(day.found) >= SHOTS, "agrees"),
         why="the same number of shots of the same board; the paper prints no figure for the "
         "corners.",
         figure=calibration_figures.corners(
@@ -160,7 +165,7 @@ def _places(day: Calibrated) -> Item:
         ours=f"{len(result.shots)} places of the board, {1e3 * p_L[:, 2].min():.0f} to "
         f"{1e3 * p_L[:, 2].max():.0f} mm before the cameras; corners in {coverage} of the images' "
         f"cells; normals spread by {np.degrees(quality.tilt_spread):.0f}° (one sigma)",
-        verdict="agrees",
+        verdict=judged(len(result.shots) >= SHOTS, "agrees"),
         why="as many shots at different angles all over both fields of view.",
         figure=calibration_figures.board_places(
             result.X_LBoard, result.board.points, result.rig.X_RL
@@ -185,7 +190,7 @@ def _rectification(day: Calibrated) -> Item:
         heading="Fig. 5",
         ours=f"rows of the same corner differ by {rms(before):.1f} px before and {rms(after):.3f} "
         "px after (RMS over all shots)",
-        verdict="agrees",
+        verdict=judged(rms(after) < SHARED_ROW_PX, "agrees"),
         why="corresponding points share a row, to a small part of a pixel.",
         figure=calibration_figures.rectified(
             (day.pair.left, day.pair.right), (pair.left, pair.right)

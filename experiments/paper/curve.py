@@ -15,7 +15,7 @@ from breastscan.report import theme
 from breastscan.report.paper import PUBLISHED, TABLE4_THEORETICAL_MM
 from breastscan.robot.ur.ur5e import PERIOD
 from experiments import joint_walks, paper_loop
-from experiments.paper.item import Item, column, coordinates
+from experiments.paper.item import Item, column, coordinates, judged
 
 MOTION = PUBLISHED["motion"]
 LIMITS = FeedrateLimits(speed=MOTION["speed_m_s"], acceleration=MOTION["acceleration_m_s2"])
@@ -84,7 +84,7 @@ def _interpolation() -> Item:
         f"{fluctuation['taylor1']:.2g} % with Taylor's first order, {fluctuation['taylor2']:.2g} "
         f"% with the paper's second, {_percent(fluctuation['newton'])} % with a Newton step on "
         f"the chord; chord error {1e3 * chord_mm['newton']:.2f} µm; {feed.t[-1]:.1f} s a loop",
-        verdict="better",
+        verdict=judged(fluctuation["newton"] < fluctuation["taylor2"], "better"),
         why="the paper's own second-order step is one of the three; one Newton step on the chord "
         f"takes the rest of the fluctuation out. The loop's smallest radius is {radius_mm:.1f} "
         "mm: below 31 mm the normal acceleration of 20 mm/s² limits the speed.",
@@ -164,7 +164,7 @@ def _smoothing() -> Item:
         f"{strayed_mm:.1f} mm off the lines between them; the lines turn by up to "
         f"{corner_deg.max():.0f}° at a point, the curve nowhere; clamped ends would leave "
         f"{open_seam_deg:.1f}° where it closes",
-        verdict="better",
+        verdict=judged(seam_turn_deg(curve) < open_seam_deg, "better"),
         why="smoother, as the paper says of its own; the cyclic system also makes tangent and "
         "curvature meet where the path closes.",
         figure=figure,

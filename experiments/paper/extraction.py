@@ -9,8 +9,9 @@ from jaxtyping import Float
 from breastscan.cloud import normals
 from breastscan.geometry import se3
 from breastscan.report import theme
+from breastscan.run.bars import SCAN, bars_of
 from experiments.paper import drawing
-from experiments.paper.item import Item, column, coordinates
+from experiments.paper.item import Item, column, coordinates, judged
 from experiments.paper.scans import Scanned
 
 EVERY = 8
@@ -49,7 +50,9 @@ def _normals(scan: Scanned) -> Item:
         ours=f"{len(normals_B)} normals in {milliseconds:.0f} ms, off the true ones by "
         f"{metrics['normal_mean_deg']:.2f}° in the mean, 95 % within "
         f"{metrics['normal_p95_deg']:.2f}°; all towards the cameras",
-        verdict="agrees",
+        verdict=judged(
+            bars_of(SCAN)["normal_mean_deg"].holds(metrics["normal_mean_deg"]), "agrees"
+        ),
         why="a small part of a scan's time; the paper calls its own accurate, without a number. "
         "The largest errors are at the foot.",
         figure=figure,
@@ -121,7 +124,9 @@ def _loop(scan: Scanned) -> Item:
         ours=f"a closed loop of {len(points_mm)} points {heights_mm.mean():.2f} mm above the "
         f"plate (half of the true breast: {true_mm:.2f} mm); "
         f"{metrics['path_surface_rmse_mm']:.2f} mm off the true skin (RMS)",
-        verdict="better",
+        verdict=judged(
+            abs(heights_mm.mean() - true_mm) < abs(rule_mm - true_mm), "better"
+        ),
         why="the height counts from the plate, not from the lowest point that was seen: the "
         f"paper's average of the largest and the smallest z gives {rule_mm:.2f} mm here. The "
         "points lie on fitted skin, not on single points of the cloud.",

@@ -14,7 +14,7 @@ from breastscan.report.paper import PUBLISHED
 from breastscan.vision.board import Board, find_shot
 from breastscan.vision.camera import StereoRig
 from breastscan.vision.hand_eye import HandEye, hand_eye
-from experiments.paper.item import Item, column
+from experiments.paper.item import Item, column, judged
 from sim.cameras.held_board import HeldBoard, PoseConfig
 from sim.rig_errors import rig_errors
 
@@ -93,7 +93,7 @@ def _positions(day: Placed) -> Item:
         ours=f"{len(result.shots)} of {day.poses} positions show the whole board to both cameras; "
         f"the flange's rotations spread by {np.degrees(result.tilt_spread):.0f}° (one sigma about "
         "the second axis)",
-        verdict="agrees",
+        verdict=judged(len(result.shots) >= SHOWN, "agrees"),
         why="the same board in the same hand, at more positions; those at which a camera does not "
         "see all of it are left out.",
         figure=calibration_figures.corners(

@@ -56,6 +56,11 @@ class Item:
         return self.heading.lower().replace(".", "").replace(" ", "_")
 
 
+def judged(holds: bool, verdict: Verdict) -> Verdict:
+    """A verdict that was measured: `verdict` where what it says holds, else "worse"."""
+    return verdict if holds else "worse"
+
+
 def column(
     name: str, meaning: str, unit: str = "", frame: str = "", kind: Kind = "number"
 ) -> Column:

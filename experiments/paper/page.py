@@ -89,7 +89,10 @@ def _table(item: Item) -> str:
 
 
 def _cell(value: object) -> str:
-    return catalogue.number(float(value)) if isinstance(value, int | float) else str(value)
+    """With as many digits as tell a calibrated length from the paper's."""
+    if not isinstance(value, int | float):
+        return str(value)
+    return f"{value:.6g}" if abs(value) >= 1 else catalogue.number(float(value))
 
 
 def _frame(item: Item) -> pl.DataFrame:

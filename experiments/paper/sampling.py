@@ -13,7 +13,7 @@ from breastscan.cloud import filters, normals
 from breastscan.report import theme
 from breastscan.run.columns import Column
 from experiments.paper import drawing
-from experiments.paper.item import Item, column, coordinates
+from experiments.paper.item import Item, column, coordinates, judged
 from experiments.paper.scans import Scanned
 
 CELLS = (3e-3, 2e-3, 1.5e-3)
@@ -178,7 +178,7 @@ def _side_by_side(rows: list[Sampled], cloud_mm: Float[np.ndarray, "n 3"]) -> It
         ours=f"{len(cloud_mm)} points down to {len(uniform.chosen)}: the spacing varies by "
         f"{uniform.unevenness:.2f} of its mean with uniform sampling, {grid.unevenness:.2f} with "
         f"the grid, {geometric.unevenness:.2f} geometrically",
-        verdict="agrees",
+        verdict=judged(_is_most_even(uniform, grid, geometric), "agrees"),
         why="uniform (farthest-point) sampling is the most even of the three; the scan uses it, "
         "as the paper does.",
         figure=figure,
@@ -200,19 +200,27 @@ def _table(rows: list[Sampled]) -> Item:
         f"{uniform.edge_ratio:.2f} / {geometric.edge_ratio:.2f} times their share of the area, "
         f"largest gap {grid.gap_mm:.1f} / {uniform.gap_mm:.1f} / {geometric.gap_mm:.1f} mm; "
         "number exact but for the grid's",
-        verdict="agrees",
+        verdict=judged(
+            _is_most_even(uniform, grid, geometric)
+            and grid.time < uniform.time
+            and len(uniform.chosen) == uniform.requested,
+            "agrees",
+        ),
         why=f"quickest is {times[0][1]}, slowest {times[-1][1]}. "
         f"{_claims(grid, uniform, geometric)}",
         data={entry: np.array([read(row) for row in rows]) for entry, read in COLUMNS},
     )
 
 
+def _is_most_even(one: Sampled, *others: Sampled) -> bool:
+    return one.unevenness < min(other.unevenness for other in others)
+
+
 def _claims(grid: Sampled, uniform: Sampled, geometric: Sampled) -> str:
     """Which of Table 3's words the numbers bear out."""
     claims = {
         "grid is efficient": grid.time < uniform.time,
-        "uniform sampling is the most even": uniform.unevenness
-        < min(grid.unevenness, geometric.unevenness),
+        "uniform sampling is the most even": _is_most_even(uniform, grid, geometric),
         "uniform sampling prefers edges": uniform.edge_ratio > PREFERRED,
         "uniform sampling is costly": uniform.time > grid.time,
         "geometric sampling is uneven on the whole": geometric.unevenness

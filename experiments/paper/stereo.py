@@ -7,15 +7,18 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from breastscan.report import theme
+from breastscan.run.bars import SCAN, bars_of
 from breastscan.run.metrics import rms
 from breastscan.vision import triangulation
 from breastscan.vision.disparity_picture import disparity_picture
 from experiments.opencv_stereo import opencv_disparity
 from experiments.paper import drawing
-from experiments.paper.item import Item, column, coordinates
+from experiments.paper.item import Item, column, coordinates, judged
 from experiments.paper.scans import Matched, Scanned
 from sim import error_analysis
 
+BARS = bars_of(SCAN)
+"""What a scan's surface is held to."""
 AROUND_PX = 60
 """What the pictures show around the breast [px]."""
 PAIR_ZOOM = 1.0
@@ -50,7 +53,7 @@ def _disparity(scan: Scanned, matched: Matched) -> Item:
         ours=f"depth of {100 * density[0]:.1f} % of the skin that both cameras see, off the true "
         f"skin by {rmse_mm[0]:.2f} mm (RMS); refined on the grey levels {rmse_mm[1]:.2f} mm; "
         f"OpenCV's matcher {rmse_mm[2]:.2f} mm at {100 * density[2]:.1f} %",
-        verdict="agrees",
+        verdict=judged(BARS["surface_density"].holds(density[0]), "agrees"),
         why="a dense map of the breast by the paper's steps; its text gives no number to hold "
         "this against.",
         figure=figure,
@@ -112,7 +115,7 @@ def _cloud(scan: Scanned) -> Item:
         heading="Fig. 7",
         ours=f"{found} points of the breast, {metrics['surface_rmse_mm']:.2f} mm off the true "
         f"skin (RMS), 95 % within {metrics['surface_p95_mm']:.2f} mm, with every error on",
-        verdict="agrees",
+        verdict=judged(BARS["surface_rmse_mm"].holds(metrics["surface_rmse_mm"]), "agrees"),
         why="the points are reconstructed as in Eqs. 8-11; the paper states no accuracy, and had "
         "no truth.",
         figure=figure,

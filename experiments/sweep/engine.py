@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -193,18 +194,20 @@ def carry_out(
     with _alone(folder):
         _forget_deaths(records)
         deaths, left = 0, _left(items, records)
-        told(len(items) - len(left))
+        done = len(items) - len(left)
+        told(done)
         while left:
             # begun and not ended: a worker died at it, or at one beside it, as will be seen alone
             suspects = [
                 [item] for item in left if _record(records, item).with_suffix(".lock").exists()
             ]
+            before = done
             for some in suspects or [left]:
-                done = len(items) - len(_left(items, records))
                 with engine() as (pool, workers):
-                    _hand_out(task, some, done, folder, pool, workers, told)
-            deaths = 0 if len(_left(items, records)) < len(left) else deaths + 1
+                    done = _hand_out(task, some, done, folder, pool, workers, told)
             left = _left(items, records)
+            done = len(items) - len(left)
+            deaths = deaths + 1 if done == before else 0
             if deaths > MAX_DEATHS:
                 raise ConfigError(
                     f"workers died {deaths} times before one finished a run: is there memory "
@@ -230,8 +233,8 @@ def _hand_out(
     pool: Executor,
     workers: int,
     told: Callable[[int], None],
-) -> None:
-    """Until all have run, or a worker died and took the pool along."""
+) -> int:
+    """Until all have run, or a worker died and took the pool along; how many are done then."""
     coming = iter(items)
     place = str(folder.resolve())
     try:
@@ -246,7 +249,7 @@ def _hand_out(
                 told(done)
                 waiting |= {pool.submit(once, task, item, place) for item in islice(coming, 1)}
     except BrokenExecutor:
-        return
+        pass  # who is left is seen by the records
     except (CancelledError, OSError) as error:
         if error.args and isinstance(error, OSError) and error.errno is not None:
             raise  # the disk's, for instance
@@ -255,6 +258,7 @@ def _hand_out(
             f"{folder}, and the same command goes on from there",
             error,
         ) from error
+    return done
 
 
 @contextmanager
@@ -317,8 +321,9 @@ def _claimed(path: Path) -> Iterator[int]:
             path.unlink(missing_ok=True)
 
 
+@cache
 def _one_thread() -> None:
-    """For workers that somebody else started."""
+    """Once in a process, for workers that somebody else started."""
     os.environ |= ONE_THREAD  # read when the renderer starts
     numba.set_num_threads(1)
     cv2.setNumThreads(1)

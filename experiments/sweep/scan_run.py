@@ -3,6 +3,7 @@
 import re
 import time
 from contextlib import nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from breastscan import scan_log
-from breastscan.errors import BreastScanError
+from breastscan.errors import BreastScanError, notes_of
 from breastscan.robot.interface import Robot
+from breastscan.run.provenance import provenance
 from breastscan.run.trajectory import Sample
 from breastscan.run.writing import as_json, write_image
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
@@ -42,7 +44,7 @@ def scan_run(run: Run, pictures: Path) -> dict[str, Any]:
         The metrics as docs/data.md lists them, for a scan that ended early those of what was done;
         `error`, `cause`, `picture` (None where it ended well); `touched`: whether arm or tool met
         the body; `refused`: whether it ended before they did; `wall_s` and `cpu_s` of the whole
-        [s].
+        [s]; `version` and `commit` of what ran.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, Any] = {"error": None, "cause": None, "picture": None, "touched": False}
@@ -50,10 +52,18 @@ def scan_run(run: Run, pictures: Path) -> dict[str, Any]:
         found |= _scanned(run, pictures)
     except Exception as error:  # of the settings: nothing was built
         found |= _told(error)
+    found |= _origin()
     found["refused"] = found["error"] is not None and not found["touched"]
     found["wall_s"] = time.perf_counter() - wall
     found["cpu_s"] = time.process_time() - cpu
     return as_json(found)
+
+
+@cache
+def _origin() -> dict[str, str | None]:
+    """Once in a process: it asks git."""
+    known = provenance()
+    return {"version": known["versions"]["breastscan"], "commit": known["commit"]}
 
 
 def _scanned(run: Run, pictures: Path) -> dict[str, Any]:
@@ -105,7 +115,7 @@ def _told(error: Exception) -> dict[str, Any]:
     in it.
     """
     name = type(error).__name__ + ("" if isinstance(error, BreastScanError) else " (a bug)")
-    notes = list(getattr(error, "__notes__", []))
+    notes = notes_of(error)
     known = notes[0].removeprefix(EXPLAINED).partition(",")[0] if notes else str(error)
     kind = CLAUSE.split(NUMBER.sub("#", known))[0].strip()
     return {"error": ". ".join([f"{name}: {error}", *notes]), "cause": f"{name}: {kind}"}

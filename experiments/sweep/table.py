@@ -35,15 +35,13 @@ def collected(runs: Sequence[Run], folder: Path) -> polars.DataFrame:
         runs: Of the sweep.
         folder: Of the sweep.
     """
-    known = provenance()
-    origin = {"version": known["versions"]["breastscan"], "commit": known["commit"]}
     rows: list[dict[str, Any]] = []
     for run in runs:
         path = folder / RECORDS / f"{run.number:06}.json"
         if path.is_file():
             record = json.loads(path.read_text(encoding="utf-8"))
             row = {"run": run.number, "design": run.design, "seed": run.seed, **run.varied}
-            rows.append(row | _flat(record) | origin | {"command": command(run)})
+            rows.append(row | _flat(record) | {"command": command(run)})
     frame = polars.DataFrame(rows, infer_schema_length=None, strict=False)
     last = [name for name in LAST if name in frame.columns]
     return frame.select([name for name in frame.columns if name not in last] + last)

@@ -22,6 +22,7 @@ from sim.arm.ur5e import joint_names
 from sim.room.describe import ARM_BIT
 from sim.room.surroundings import CHEST_HULL
 from sim.scene import Scene
+from sim.wrist.probe_face import components_P
 
 CYLINDER, BOX = int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_BOX)
 """MuJoCo's numbers of two kinds of hull; every other one is a capsule."""
@@ -194,16 +195,8 @@ def _to_triangle(kind, size, p_S, R_S, skin_S, corners):
 @no_type_check
 def _hull_distance(kind, size, p_S, R_S, x, y, z):
     """Signed distance of a point (x, y, z) in S to a hull [m]."""
-    dx = x - p_S[0]
-    dy = y - p_S[1]
-    dz = z - p_S[2]
-    return signed_distance(
-        kind,
-        size,
-        R_S[0, 0] * dx + R_S[1, 0] * dy + R_S[2, 0] * dz,
-        R_S[0, 1] * dx + R_S[1, 1] * dy + R_S[2, 1] * dz,
-        R_S[0, 2] * dx + R_S[1, 2] * dy + R_S[2, 2] * dz,
-    )
+    x, y, z = components_P(R_S, x - p_S[0], y - p_S[1], z - p_S[2])
+    return signed_distance(kind, size, x, y, z)
 
 
 @numba.njit(cache=True)

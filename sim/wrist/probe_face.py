@@ -57,7 +57,7 @@ class ProbeFace:
 @numba.njit(cache=True)
 @no_type_check
 def components_P(X_SP, x, y, z):
-    """Components in basis P of the free vector (x, y, z) of basis S."""
+    """Components in basis P of the free vector (x, y, z) of basis S, by a pose or a rotation."""
     return (
         X_SP[0, 0] * x + X_SP[1, 0] * y + X_SP[2, 0] * z,
         X_SP[0, 1] * x + X_SP[1, 1] * y + X_SP[2, 1] * z,
