@@ -20,6 +20,7 @@ Monogram notation: `X_AB` is the pose of frame B in frame A, so `p_A = transform
 | G | a camera in OpenGL | that of C; x right, y up, z backward |
 | V | rectified left view | that of L; rows along the baseline |
 | Board | calibration board | first inner corner; x along a row, y along a column, z into it |
+| N | chart of the skin | middle of the breast's foot as seen; z along the chest's outward normal |
 | S | phantom | centre of the breast's base on the chest plate; z along its outward normal |
 | A | any frame | in what holds for all; B and C beside it likewise |
 

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from breastscan.geometry.compiled import kernel
 from breastscan.vision.matching.lanes import (
     LANES,
     broadcast,
     chosen,
     count_ones,
-    kernel,
     less,
     load,
     store,

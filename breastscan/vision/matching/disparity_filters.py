@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, Int16, UInt16
 
+from breastscan.geometry.compiled import kernel
 from breastscan.vision.matching.lanes import (
     LANES,
     broadcast,
     count_bits,
     equal,
-    kernel,
     less,
     load,
     minimum,

@@ -6,12 +6,11 @@ maps them to whatever the processor has (AVX-512, AVX2, SSE, NEON), so one sourc
 and no C compiler is needed.
 """
 
-import inspect
 import operator
 from collections.abc import Callable
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
@@ -19,16 +18,6 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 LANES = 32
 
 _INDEX = ir.IntType(32)
-
-
-def kernel(function: Callable) -> Callable:
-    """Compile `function` to machine code, inlined where it is called from another kernel, and
-    cached on disk.
-    """
-    # Test runs wrap every function to check its argument types; numba wants the function itself.
-    return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(
-        inspect.unwrap(function)
-    )
 
 
 class Lanes(types.Type):

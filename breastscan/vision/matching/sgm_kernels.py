@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import UInt8
 
+from breastscan.geometry.compiled import kernel
 from breastscan.vision.matching.census import PLANES, hamming
 from breastscan.vision.matching.lanes import (
     LANES,
@@ -16,7 +17,6 @@ from breastscan.vision.matching.lanes import (
     broadcast,
     equal,
     first_bit,
-    kernel,
     load,
     minimum,
     smallest,

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
+from breastscan.geometry.compiled import kernel
 from breastscan.vision.matching.lanes import (
     LANES,
     broadcast,
-    kernel,
     lanes_above,
     lanes_below,
     load,

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float, Float32, Int, Shaped
 from scipy.ndimage import spline_filter1d
 
 from breastscan.checks import require_positive
-from breastscan.vision.matching.lanes import kernel
-from breastscan.vision.refining.banded import factorized, solved
+from breastscan.geometry.banded import factorized, solved
+from breastscan.geometry.compiled import kernel
 from breastscan.vision.refining.spline_field import Region, SplineField
 
 RIDGE = 1e-9

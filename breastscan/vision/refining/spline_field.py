@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy import sparse
 
-from breastscan.vision.refining.banded import inverse_within_band, product
+from breastscan.geometry import bicubic
+from breastscan.geometry.banded import inverse_within_band, product
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,7 @@ class SplineField:
     @property
     def bandwidth(self) -> int:
         """Largest distance of two coefficients that one pixel depends on."""
-        return 3 * (self.columns + 3) + 3
+        return bicubic.bandwidth(self.columns + 3)
 
     @cached_property
     def weights(self) -> Float[np.ndarray, "pixels 16"]:
@@ -91,20 +92,12 @@ class SplineField:
         """Matrix of the sum of squared third differences of the coefficients: locally quadratic
         domes cost nothing.
         """
-        along_y, along_x = _differences(self.rows + 3), _differences(self.columns + 3)
-        energy = sparse.csr_array((self.size, self.size))
-        for order, multiplicity in enumerate((1, 3, 3, 1)):
-            difference = sparse.kron(along_y[order], along_x[3 - order], format="csr")
-            energy = energy + multiplicity * (difference.T @ difference)
-        return energy
+        return bicubic.bending(self.rows + 3, self.columns + 3)
 
     @cached_property
     def banded_bending(self) -> Float[np.ndarray, "n band"]:
         """The same in the form that `banded.py` takes."""
-        upper = sparse.triu(self.bending).tocoo()
-        band = np.zeros((self.size, self.bandwidth + 1))
-        band[upper.row, upper.col - upper.row] = upper.data
-        return band
+        return bicubic.banded(self.bending, self.bandwidth)
 
     def to_cells(self, region: Shaped[np.ndarray, "h w"]) -> Shaped[np.ndarray, "cells pixels"]:
         """The region's pixels, cell by cell."""
@@ -185,8 +178,3 @@ class Region:
         part = result[self.rows, self.columns]
         part[:] = self.field.to_region(cells)[: part.shape[0], : part.shape[1]]
         return result
-
-
-def _differences(count: int) -> list[sparse.csr_array]:
-    """Matrices that take the differences of order 0 to 3 of `count` numbers."""
-    return [sparse.csr_array(np.diff(np.eye(count), n=order, axis=0)) for order in range(4)]

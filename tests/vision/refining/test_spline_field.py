@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from breastscan.vision.refining.banded import factorized
+from breastscan.geometry.banded import factorized
 from breastscan.vision.refining.spline_field import SplineField
 
 FIELD = SplineField(rows=3, columns=4, spacing=5)

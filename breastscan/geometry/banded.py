@@ -10,7 +10,7 @@ Entry (j, j + k) of a banded matrix stands at [j, k]; the part below the diagona
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.vision.matching.lanes import kernel
+from breastscan.geometry.compiled import kernel
 
 
 def factorized(matrix: Float[np.ndarray, "n band"]) -> Float[np.ndarray, "n band"]:

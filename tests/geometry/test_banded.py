@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from breastscan.vision.refining.banded import factorized, inverse_within_band, product, solved
+from breastscan.geometry.banded import factorized, inverse_within_band, product, solved
 
 
 def random_band(size: int = 30, band: int = 6, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,183 @@
+"""The skin as one smooth surface: what every later stage asks for points, normals, curvatures and
+how sure they are.
+
+The radius is a bicubic spline over directions from the middle of the breast's foot. Directions are
+charted so that distances from the axis are kept (azimuthal equidistant): the chart coordinates
+(a, b) [rad] are the direction's angle from the axis times the unit vector of its azimuth. The axis
+is the chest's outward normal, so that the foot lies at pi / 2.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from breastscan.geometry import bicubic, se3
+
+REACH = 1.9
+"""The chart ends at this angle from its axis, along either coordinate [rad]: beyond the foot, which
+a sagging breast overhangs."""
+NEAR_AXIS = 1e-3
+"""Square of the angle from the axis below which series stand for quotients of 0 and 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skin:
+    """A smooth surface in a frame A, star-shaped about the middle of its foot."""
+
+    X_AN: Float[np.ndarray, "4 4"]
+    """Pose of the chart: origin in the middle of the foot, z along its axis."""
+    radii: Float[np.ndarray, "m m"]
+    """Coefficients of the radius [m], by rows of a and columns of b."""
+    covariance: Float[np.ndarray, "n band"]
+    """Of the coefficients, row by row, within the band that one place depends on [m^2]."""
+    support: Bool[np.ndarray, "s s"]
+    """Where skin was seen: the chart in squares, rows along a, columns along b."""
+
+    def chart(self, p: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
+        """Chart coordinates of the directions in which points lie [rad]."""
+        local = se3.transform(se3.inverse(self.X_AN), p)
+        across = np.linalg.norm(local[..., :2], axis=-1)
+        angle = np.arctan2(across, local[..., 2])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            stretch = np.where(across > 0, angle / across, 0.0)
+        return local[..., :2] * stretch[..., None]
+
+    def points(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        """Points of the skin [m]."""
+        return se3.transform(self.X_AN, self._radius(ab)[:, :1] * directions(ab))
+
+    def tangents(
+        self, ab: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Derivatives of `points` with respect to a and b [m/rad]."""
+        r = self._radius(ab)
+        u = directions(ab)
+        u_a, u_b = direction_slopes(ab)
+        along, across = r[:, 1:2] * u + r[:, :1] * u_a, r[:, 2:3] * u + r[:, :1] * u_b
+        return se3.rotate(self.X_AN, along), se3.rotate(self.X_AN, across)
+
+    def normals(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        """Outward unit normals."""
+        normals = np.cross(*self.tangents(ab))
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def curvatures(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Principal curvatures, the larger first, positive where the skin bulges [1/m]."""
+        r, u = self._radius(ab), directions(ab)
+        u_a, u_b = direction_slopes(ab)
+        u_aa, u_ab, u_bb = _direction_bends(ab)
+        value, along = r[:, :1], r[:, 1:2]
+        across = r[:, 2:3]
+        p_a, p_b = along * u + value * u_a, across * u + value * u_b
+        n = np.cross(p_a, p_b)
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        p_aa = r[:, 3:4] * u + 2 * along * u_a + value * u_aa
+        p_ab = r[:, 4:5] * u + along * u_b + across * u_a + value * u_ab
+        p_bb = r[:, 5:6] * u + 2 * across * u_b + value * u_bb
+        first = _symmetric(_dot(p_a, p_a), _dot(p_a, p_b), _dot(p_b, p_b))
+        second = -_symmetric(_dot(p_aa, n), _dot(p_ab, n), _dot(p_bb, n))
+        # of the pencil second - k first, in coordinates in which the first form is the unit
+        whitening = np.linalg.inv(np.linalg.cholesky(first))
+        k = np.linalg.eigvalsh(whitening @ second @ np.swapaxes(whitening, 1, 2))
+        return k[:, ::-1]
+
+    def sigma(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+        """Standard deviation of the skin along its normal [m]: of what noise in the pictures and
+        the shape's own variation leave open. An error of the rig is none of it.
+        """
+        m = len(self.radii)
+        variance = bicubic.variances(self.covariance, self._grid(ab), m, m)
+        u = se3.rotate(self.X_AN, directions(ab))
+        return np.sqrt(np.maximum(variance, 0.0)) * np.abs(_dot(u, self.normals(ab)))
+
+    def known(self, ab: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
+        """Where skin was seen; elsewhere the surface is only a guess that goes on smoothly."""
+        squares = len(self.support)
+        cell = np.floor((ab + REACH) / (2 * REACH) * squares)
+        inside = np.all((cell >= 0) & (cell < squares), axis=1)
+        row, column = np.where(inside[:, None], cell, 0).astype(int).T
+        return inside & self.support[row, column]
+
+    def seen_from(self, X_BA: Float[np.ndarray, "4 4"]) -> "Skin":
+        """This skin of frame A, in frame B."""
+        return replace(self, X_AN=X_BA @ self.X_AN)
+
+    @property
+    def centre(self) -> Float[np.ndarray, "3"]:
+        """Middle of the foot, from which directions are told [m]."""
+        return self.X_AN[:3, 3]
+
+    @property
+    def axis(self) -> Float[np.ndarray, "3"]:
+        """Unit vector of the chart's axis, outwards."""
+        return self.X_AN[:3, 2]
+
+    @cached_property
+    def _per_radian(self) -> float:
+        """Cells of the spline's grid along an angle [1/rad]."""
+        return (len(self.radii) - 3) / (2 * REACH)
+
+    def _grid(self, ab: np.ndarray) -> np.ndarray:
+        return (ab + REACH) * self._per_radian
+
+    def _radius(self, ab: np.ndarray) -> np.ndarray:
+        """Radius, its first derivatives by a and b, and its second: aa, ab, bb."""
+        return bicubic.values(self.radii, self._grid(ab)) * self._per_radian ** np.array(
+            [0, 1, 1, 2, 2, 2]
+        )
+
+
+def directions(ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+    """Unit vectors in the chart's own frame."""
+    s, c, _, _ = _sines(ab)
+    return np.column_stack([ab * s[:, None], c])
+
+
+def direction_slopes(
+    ab: Float[np.ndarray, "n 2"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Derivatives of `directions` by a and by b."""
+    s, _, s1, _ = _sines(ab)
+    a, b = ab.T
+    mixed = 2 * a * b * s1
+    return (
+        np.stack([s + 2 * a * a * s1, mixed, -a * s], axis=1),
+        np.stack([mixed, s + 2 * b * b * s1, -b * s], axis=1),
+    )
+
+
+def _direction_bends(ab: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Second derivatives of `directions`: by a twice, mixed, by b twice."""
+    s, _, s1, s2 = _sines(ab)
+    a, b = ab.T
+    a_by_b = 2 * b * s1 + 4 * a * a * b * s2
+    b_by_a = 2 * a * s1 + 4 * a * b * b * s2
+    return (
+        np.stack([6 * a * s1 + 4 * a**3 * s2, a_by_b, -s - 2 * a * a * s1], axis=1),
+        np.stack([a_by_b, b_by_a, -2 * a * b * s1], axis=1),
+        np.stack([b_by_a, 6 * b * s1 + 4 * b**3 * s2, -s - 2 * b * b * s1], axis=1),
+    )
+
+
+def _sines(ab: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """With q the square of the angle t from the axis: sin(t) / t, cos(t), and the first and second
+    derivatives of sin(t) / t by q.
+    """
+    q = np.sum(ab**2, axis=1)
+    t = np.sqrt(q)
+    s, c = np.sinc(t / np.pi), np.cos(t)
+    small = q < NEAR_AXIS
+    over = np.where(small, 1.0, q)
+    s1 = np.where(small, -1 / 6 + q / 60 - q * q / 1680, (c - s) / (2 * over))
+    s2 = np.where(small, 1 / 60 - q / 840 + q * q / 30240, -(s / 2 + 3 * s1) / (2 * over))
+    return s, c, s1, s2
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.sum(a * b, axis=1)
+
+
+def _symmetric(aa: np.ndarray, ab: np.ndarray, bb: np.ndarray) -> np.ndarray:
+    return np.stack([np.stack([aa, ab], axis=1), np.stack([ab, bb], axis=1)], axis=1)
