@@ -39,7 +39,8 @@ class ContactPlaces:
     p_S: Float[np.ndarray, "k 3"]
     """The touched point, mapped to the undeformed skin [m]."""
     tilt: Float[np.ndarray, "k"]
-    """Angle of the probe axis against the true normal there [rad]."""
+    """Angle of the probe's axis against the true normal where it meets the undeformed skin
+    [rad]."""
 
 
 def surface_metrics(
@@ -125,6 +126,9 @@ def contact_places(
     """Press the probe again where it was during the loop, and look up which point of the skin
     lies under its tip.
 
+    Pressing drags the skin along, so the touched point comes from beside the probe's axis. How the
+    probe should stand follows from where it presses, so its tilt counts against the normal there.
+
     `on_press` is told each row of the truth that was pressed again, and the skin as it then lies.
     """
     on_loop = np.flatnonzero(trajectory.in_loop)[::REPLAY_STEP]
@@ -133,9 +137,10 @@ def contact_places(
     for row, skin_S in pressed_again(rows, log, tissue):
         points.append(truth.material_point(log.X_SP[row, None, :3, 3], skin_S)[0])
         on_press(row, skin_S)
-    p_S = np.array(points)
-    _, n_S = truth.closest(p_S)
-    return ContactPlaces(rows=on_loop, p_S=p_S, tilt=se3.angle_between(-X_SP[:, :3, 2], n_S))
+    _, n_S = truth.pressed_place(X_SP)
+    return ContactPlaces(
+        rows=on_loop, p_S=np.array(points), tilt=se3.angle_between(-X_SP[:, :3, 2], n_S)
+    )
 
 
 def pressed_again(
@@ -169,16 +174,27 @@ def execution_metrics(
     """The whole chain: touched points of the undeformed skin minus the true loop at the height that
     was asked for, in B.
     """
-    loop_S = truth.level_loop(height_fraction)
-    nearest_S = loop_S[
-        np.linalg.norm(places.p_S[:, None] - loop_S[None, ::4], axis=2).argmin(axis=1) * 4
-    ]
+    nearest_S = nearest_on_loop(places.p_S, truth.level_loop(height_fraction))
     error_mm = se3.rotate(X_BS, places.p_S - nearest_S) * 1e3
     return {
         "executed_truth_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
         "executed_truth_rms_mm": rms(np.linalg.norm(error_mm, axis=1)),
         "normal_tilt_mean_deg": float(np.degrees(places.tilt.mean())),
     }
+
+
+def nearest_on_loop(
+    p: Float[np.ndarray, "n 3"], loop: Float[np.ndarray, "m 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """The points of a closed polygon that are nearest to others, on its sides as on its corners."""
+    sides = np.roll(loop, -1, axis=0) - loop
+    squared = np.einsum("mc,mc->m", sides, sides)
+    nearest = np.empty_like(p)
+    for row, point in enumerate(p):
+        along = np.clip(np.einsum("mc,mc->m", point - loop, sides) / squared, 0.0, 1.0)
+        feet = loop + along[:, None] * sides
+        nearest[row] = feet[np.einsum("mc,mc->m", feet - point, feet - point).argmin()]
+    return nearest
 
 
 def force_metrics(trajectory: Trajectory, set_point: float) -> dict[str, float]:

@@ -30,6 +30,10 @@ RAY_STEP = 0.003
 """Spacing at which a ray searches for the skin [m]: it may miss what is within .02 mm of the
 silhouette."""
 BISECTIONS = 30
+AXIS_TOLERANCE = 1e-6
+"""A probe's axis that comes no nearer to the skin than this misses it [m]."""
+LONGEST_STEP = 0.1
+"""Longest step of the search along a probe's axis, on the unit hemisphere [-]."""
 OCCLUSION = 1e-3
 """A point this much farther than the first skin on its ray is hidden [m]."""
 
@@ -64,6 +68,24 @@ class Truth:
             if step < CLOSEST_TOLERANCE:
                 break
         return self._phantom.embed(direction), self._phantom.normal(direction)
+
+    def pressed_place(
+        self, X_SP: Float[np.ndarray, "n 4 4"]
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Where the axes of probes' tips meet the undeformed skin [m], and its outward unit normals
+        there; of an axis that misses the breast, those closest to the tip.
+        """
+        p_S, across_S = X_SP[:, :3, 3], X_SP[:, :3, :2]
+        direction = self._skin_direction[self._skin_tree.query(p_S)[1]]
+        for _ in range(CLOSEST_STEPS):
+            direction, step = self._onto_axis(p_S, across_S, direction)
+            if step < CLOSEST_TOLERANCE:
+                break
+        points_S, normals_S = self._phantom.embed(direction), self._phantom.normal(direction)
+        off_axis = np.einsum("nc,nck->nk", points_S - p_S, across_S)
+        missed = ~(np.linalg.norm(off_axis, axis=1) < AXIS_TOLERANCE)
+        points_S[missed], normals_S[missed] = self.closest(p_S[missed])
+        return points_S, normals_S
 
     def material_point(
         self, p_S: Float[np.ndarray, "n 3"], deformed_S: Float[np.ndarray, "v 3"] | None = None
@@ -168,8 +190,32 @@ class Truth:
         shortening = 1 / (1 + np.maximum(height, 0) / SHARPEST_RADIUS)
         gradient = np.einsum("nck,nc->nk", jacobian, away_S) * shortening[:, None]
         steps = np.linalg.solve(np.einsum("nck,ncl->nkl", jacobian, jacobian), gradient[:, :, None])
+        return self._moved(direction, steps[:, :, 0])
+
+    def _onto_axis(
+        self,
+        p_S: Float[np.ndarray, "n 3"],
+        across_S: Float[np.ndarray, "n 3 2"],
+        direction: Float[np.ndarray, "n 3"],
+    ) -> tuple[Float[np.ndarray, "n 3"], float]:
+        """One Newton step towards the lines through `p_S` that are square on two axes each; its
+        longest length [m].
+        """
+        tangents_S = np.stack(self._phantom.tangents(direction), axis=2)
+        jacobian = np.einsum("nck,ncl->nkl", across_S, tangents_S)
+        off_axis = np.einsum("nck,nc->nk", across_S, p_S - self._phantom.embed(direction))
+        steps = (np.linalg.pinv(jacobian) @ off_axis[:, :, None])[:, :, 0]
+        length = np.linalg.norm(steps, axis=1, keepdims=True)
+        return self._moved(
+            direction, steps * np.minimum(1, LONGEST_STEP / np.maximum(length, 1e-9))
+        )
+
+    def _moved(
+        self, direction: Float[np.ndarray, "n 3"], steps: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 3"], float]:
+        """Directions moved along the two axes of each, not below the foot; the longest way [m]."""
         u, v = sphere_axes(direction)
-        moved = direction + steps[:, 0] * u + steps[:, 1] * v
+        moved = direction + steps[:, :1] * u + steps[:, 1:] * v
         moved[:, 2] = np.maximum(moved[:, 2], 0.0)
         moved /= np.linalg.norm(moved, axis=1, keepdims=True)
         return moved, self._phantom.radius * float(np.abs(moved - direction).max(initial=0.0))

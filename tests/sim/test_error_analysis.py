@@ -3,13 +3,15 @@ tests/commands.
 """
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from sim import error_analysis
-from sim.error_analysis import REPLAY_STEP, STEADY_AFTER
+from sim.error_analysis import REPLAY_STEP, STEADY_AFTER, ContactPlaces
 from sim.room.rigid_contacts import RigidContact
+from sim.truth import Truth
 from sim.truth_log import TruthRecorder
 from tests.run.synthetic_run import synthetic_log
 
@@ -64,3 +66,33 @@ def test_a_loop_that_ends_before_it_is_steady_has_no_extremes(trajectory):
     assert set(told) == {"contact_fraction", "indentation_max_mm"}
     longer = trajectory.take(np.arange(first + rows + 10))
     assert "force_peak_n" in error_analysis.force_metrics(longer, 5.0)
+
+
+def test_the_nearest_point_of_a_loop_lies_on_its_sides():
+    """Of a unit square: beside a side its foot, beyond a corner the corner, and the side that
+    closes the loop counts.
+    """
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    p = np.array([[0.3, -0.2, 0.1], [1.4, 1.3, 0.0], [-0.5, 0.6, 0.2], [0.5, 0.9, 0.0]])
+    expected = [[0.3, 0, 0], [1, 1, 0], [0, 0.6, 0], [0.5, 1, 0]]
+    np.testing.assert_allclose(error_analysis.nearest_on_loop(p, square), expected, atol=1e-15)
+
+
+def test_the_whole_chains_error_is_the_distance_to_the_loop_between_its_points():
+    """A ring of radius 1, sampled so coarsely that its corners are .1 apart: points of its sides
+    are no error, and one beside it is off by as much.
+    """
+    azimuth = 2 * np.pi * np.arange(60) / 60
+    ring = np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=1)
+    ring_truth = Mock(spec=Truth)
+    ring_truth.level_loop.return_value = ring
+
+    def told(p_S: np.ndarray) -> dict:
+        places = ContactPlaces(rows=np.arange(len(p_S)), p_S=p_S, tilt=np.zeros(len(p_S)))
+        return error_analysis.execution_metrics(places, np.eye(4), ring_truth, 0.5)
+
+    on_sides = (0.7 * ring + 0.3 * np.roll(ring, -1, axis=0))[::7]
+    assert told(on_sides)["executed_truth_rms_mm"] < 1e-9
+    above = told(on_sides + np.array([0.0, 0.0, 0.002]))
+    assert above["executed_truth_rms_mm"] == pytest.approx(2.0)
+    assert above["executed_truth_mean_abs_mm"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-9)

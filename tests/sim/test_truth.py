@@ -37,6 +37,14 @@ def spots(phantom) -> tuple[np.ndarray, np.ndarray]:
     return phantom.embed(direction), phantom.normal(direction)
 
 
+def square_on(axis_S: np.ndarray) -> np.ndarray:
+    """Rotation of a probe whose axis is this one."""
+    z = axis_S / np.linalg.norm(axis_S)
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
 @pytest.mark.parametrize("offset", [-0.008, -0.001, 0.0, 0.001, 0.03])
 def test_distance_of_a_point_raised_off_the_skin_is_how_far_it_was_raised(truth, spots, offset):
     # around it the skin is hollow, and another point may be closer
@@ -159,3 +167,28 @@ def test_the_loop_lies_on_the_skin_at_a_fraction_of_its_height(truth, phantom, f
     np.testing.assert_allclose(loop_S[:, 2], fraction * phantom.height, atol=1e-9)
     assert np.abs(truth.distance(loop_S[::40])).max() < 1e-9
     assert np.linalg.norm(np.roll(loop_S, -1, axis=0) - loop_S, axis=1).max() < 2e-4
+
+
+def test_a_probe_presses_where_its_axis_meets_the_undeformed_skin(truth, phantom, spots):
+    """Tips on known lines through points of the smooth skin, pressed in by up to 9 mm and leaning
+    by 12 degrees.
+    """
+    rng = np.random.default_rng(4)
+    points_S, normals_S = spots
+    across_S = np.cross(normals_S, rng.standard_normal(normals_S.shape))
+    across_S /= np.linalg.norm(across_S, axis=1, keepdims=True)
+    leaning_S = -normals_S + np.tan(np.radians(12)) * across_S
+    X_SP = np.stack([se3.pose(square_on(axis), np.zeros(3)) for axis in leaning_S])
+    X_SP[:, :3, 3] = points_S + rng.uniform(-0.002, 0.009, (len(X_SP), 1)) * X_SP[:, :3, 2]
+    clear_of_the_nipple = points_S[:, 2] < 0.045
+    place_S, outward_S = truth.pressed_place(X_SP[clear_of_the_nipple])
+    np.testing.assert_allclose(place_S, points_S[clear_of_the_nipple], atol=1e-8)
+    np.testing.assert_allclose(outward_S, normals_S[clear_of_the_nipple], atol=1e-6)
+
+
+def test_a_probe_whose_axis_misses_the_breast_presses_the_skin_closest_to_its_tip(truth):
+    X_SP = se3.pose(square_on(np.array([1.0, 0.0, 0.0])), np.array([0.0, 0.0, 0.08]))[None]
+    place_S, outward_S = truth.pressed_place(X_SP)
+    expected_S, expected_normal_S = truth.closest(X_SP[:, :3, 3])
+    np.testing.assert_array_equal(place_S, expected_S)
+    np.testing.assert_array_equal(outward_S, expected_normal_S)
