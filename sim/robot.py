@@ -415,7 +415,7 @@ class SimRobot:
         lift = rise(self._breathing, breath_time)
         X_SP[:3, 3] += R_SB @ self._p_BP
         X_SP[2, 3] -= lift
-        self._data.mocap_pos[0, 2] = self._X_BS[2, 3] + lift
+        self._data.mocap_pos[0] = self._X_BS[:3, 3] + lift * self._X_BS[:3, 2]
         if self._tissue is None:
             self._truth.add(time, q, NOTHING, 0.0, X_SP, lift)
             return X_SP

@@ -27,18 +27,18 @@ from sim.arm.ur5e import add_arm
 from sim.cameras.camera_errors import CameraConfig
 from sim.cameras.lens import canvases, mujoco_camera
 from sim.live.skin import hang_skin
+from sim.room.chest import CHEST, add_chest
 from sim.room.describe import Element, add_material, compiled, mjcf, specification
 from sim.room.surroundings import (
-    CHEST,
     LIT_CENTRE,
     LIT_RADIUS,
     STANDING_ROOM_X,
     STANDING_ROOM_Y,
-    add_chest,
     add_room,
     add_stand,
 )
 from sim.tissue.breathing import BreathingConfig, rise
+from sim.tissue.chest import ChestConfig
 from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.wrist.probe import add_tool, tip_pose
 from sim.wrist.probe_face import ProbeFace
@@ -63,6 +63,7 @@ class SceneConfig:
     phantom: PhantomConfig = field(default_factory=PhantomConfig)
     p_BS: tuple[float, float, float] = (0.50, 0.0, 0.08)
     """Centre of the breast's base in the robot's base frame, at the end of an exhalation [m]."""
+    chest: ChestConfig = field(default_factory=ChestConfig)
     breathing: BreathingConfig = field(default_factory=BreathingConfig)
     rig: Path | None = None
     """Rig file with `X_BL`; None for the one that comes with the package."""
@@ -123,11 +124,11 @@ class Scene:
             CalibrationError: The rig's file cannot be used.
         """
         self.config = config or SceneConfig()
-        self.phantom = Phantom(self.config.phantom)
+        self.phantom = Phantom(self.config.phantom, self.config.chest.curvature)
         self.rig, self.X_BL = _load_rig(self.config.rig)
         """The rig as it was built, and where it stands: the truth that calibration looks for."""
         self.X_BR = self.X_BL @ se3.inverse(self.rig.X_RL)
-        self.X_BS = se3.pose(np.eye(3), np.array(self.config.p_BS, float))
+        self.X_BS = se3.pose(self.config.chest.R_BS, np.array(self.config.p_BS, float))
         """The phantom at the end of an exhalation."""
         self._require_visible()
         self.X_FP = tip_pose(self.config.mount_angle)
@@ -139,7 +140,7 @@ class Scene:
     def X_BS_at(self, time: float) -> Float[np.ndarray, "4 4"]:
         """The phantom at `time` [s] of the robot's clock."""
         X_BS = self.X_BS.copy()
-        X_BS[2, 3] += rise(self.config.breathing, time)
+        X_BS[:3, 3] += rise(self.config.breathing, time) * X_BS[:3, 2]
         return X_BS
 
     def _require_visible(self) -> None:
@@ -213,7 +214,12 @@ class Scene:
         add_room(root)
         add_stand(root, self.X_BL, self.X_BR)
         add_tool(add_arm(root, self.arm), self.config.mount_angle, ProbeFace())
-        add_chest(root, self.X_BS[:3, 3], self.phantom.plate_texture() if with_skin else None)
+        add_chest(
+            root,
+            self.X_BS,
+            self.phantom.curvature,
+            self.phantom.plate_texture() if with_skin else None,
+        )
         if with_skin:
             add_material(root, "skin", image=self.phantom.texture_image())
         return root

@@ -242,7 +242,7 @@ class Truth:
     def _span(
         self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Where each ray enters and leaves a ball around the breast, above the plate [m];
+        """Where each ray enters and leaves a ball around the breast, above the chest [m];
         nowhere if far < near.
         """
         centre_S = np.array([0.0, 0.0, self._phantom.height / 2])
@@ -250,10 +250,22 @@ class Truth:
         to_centre = unit_S @ (centre_S - origin_S)
         discriminant = radius**2 - np.sum((centre_S - origin_S) ** 2) + to_centre**2
         half = np.sqrt(np.maximum(discriminant, 0.0))
-        with np.errstate(divide="ignore"):
-            to_plate = np.where(unit_S[:, 2] < 0, -origin_S[2] / unit_S[:, 2], np.inf)
         near = np.maximum(to_centre - half, 0.0)
-        return near, np.where(discriminant > 0, np.minimum(to_centre + half, to_plate), -np.inf)
+        far = np.minimum(to_centre + half, self._to_chest(origin_S, unit_S))
+        return near, np.where(discriminant > 0, far, -np.inf)
+
+    def _to_chest(
+        self, origin_S: Float[np.ndarray, "3"], unit_S: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n"]:
+        """Where each ray from above the chest enters it [m], infinite where it never does."""
+        _, y, z = origin_S
+        bend = self._phantom.curvature
+        falling = -unit_S[:, 2] - bend * y * unit_S[:, 1]
+        over = z + bend * y**2 / 2
+        discriminant = falling**2 - 2 * bend * unit_S[:, 1] ** 2 * over
+        with np.errstate(divide="ignore"):
+            along = 2 * over / (falling + np.sqrt(np.maximum(discriminant, 0.0)))
+        return np.where((falling > 0) & (discriminant >= 0), along, np.inf)
 
     def _first_inside(
         self,

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no types)
 """How near all of arm and tool but the probe's face comes to the body: to the breast's skin and to
-the chest plate.
+the chest.
 
 Arm and tool are the hulls that physics and planning know: capsules around the links, a cylinder
 around the sensor, a box around the probe from 10 mm behind its face on. The signed distance of each
@@ -19,8 +19,8 @@ import trimesh
 from jaxtyping import Float
 
 from sim.arm.ur5e import joint_names
+from sim.room.chest import chest_block, chest_distance
 from sim.room.describe import ARM_BIT
-from sim.room.surroundings import CHEST_HULL
 from sim.scene import Scene
 from sim.wrist.probe_face import components_P
 
@@ -36,7 +36,7 @@ SLACK = 1e-3
 PARTS = 8
 """The edges of the triangles where the skin is nearest are divided into so many: .2 mm."""
 AXIS_POINTS = 65
-"""Points along a capsule's axis that are held against the plate. Over the plate's top the nearest
+"""Points along a capsule's axis that are held against the chest. Over its top the nearest
 is always among these, and among those of a box; of a cylinder's rims one is within .2 mm."""
 RIM_POINTS = 32
 """Points around each rim of a cylinder that are."""
@@ -63,11 +63,11 @@ class BodyGap:
         radius = float(np.linalg.norm(skin.vertices_S - centre_S, axis=1).max())
         self._ball = centre_S, radius + STRETCH
         self._points = _points(self._kinds, self._sizes)
-        chest = model.geom(CHEST_HULL)
-        self._plate = chest.pos.copy(), chest.size.copy()
+        half, depth = chest_block(scene.X_BS, scene.phantom.curvature)
+        self._chest = scene.phantom.curvature, np.append(half, depth / 2)
         self.smallest = math.inf
         """[m]; negative where they lie in each other: how deep the skin lies in a hull, or a hull
-        in the plate."""
+        in the chest."""
 
     def add(self, q: Float[np.ndarray, "6"], rise: float, skin_S: Float[np.ndarray, "n 3"]) -> None:
         """See whether anything is nearer in this pose.
@@ -80,9 +80,9 @@ class BodyGap:
         data, R_BS = self._data, self._X_BS[:3, :3]
         data.qpos[self._joints] = q
         mujoco.mj_kinematics(self._model, data)
-        p_SH = (data.geom_xpos[self._hulls] - self._X_BS[:3, 3] - [0.0, 0.0, rise]) @ R_BS
+        p_SH = (data.geom_xpos[self._hulls] - self._X_BS[:3, 3]) @ R_BS - [0.0, 0.0, rise]
         R_SH = R_BS.T @ data.geom_xmat[self._hulls].reshape(-1, 3, 3)
-        smallest = _to_plate(p_SH, R_SH, *self._points, *self._plate, self.smallest)
+        smallest = _to_chest(p_SH, R_SH, *self._points, *self._chest, self.smallest)
         self.smallest = _to_skin(
             self._kinds, self._sizes, p_SH, R_SH, skin_S, *self._skin, self._runs, *self._ball,
             smallest,
@@ -119,18 +119,18 @@ def _points(
 
 @numba.njit(cache=True)
 @no_type_check
-def _to_plate(p_SH, R_SH, points, radii, rows, centre_S, half, smallest):
-    """The smaller of a gap and the smallest between the hulls' points and the chest plate [m]."""
+def _to_chest(p_SH, R_SH, points, radii, rows, curvature, half, smallest):
+    """The smaller of a gap and the smallest between the hulls' points and the chest [m]."""
     for k in range(len(points)):
         p_S, R_S = p_SH[rows[k]], R_SH[rows[k]]
-        x, y, z = points[k]
-        distance = signed_distance(
-            BOX,
-            half,
-            p_S[0] + R_S[0, 0] * x + R_S[0, 1] * y + R_S[0, 2] * z - centre_S[0],
-            p_S[1] + R_S[1, 0] * x + R_S[1, 1] * y + R_S[1, 2] * z - centre_S[1],
-            p_S[2] + R_S[2, 0] * x + R_S[2, 1] * y + R_S[2, 2] * z - centre_S[2],
-        )
+        a, b, c = points[k]
+        x = p_S[0] + R_S[0, 0] * a + R_S[0, 1] * b + R_S[0, 2] * c
+        y = p_S[1] + R_S[1, 0] * a + R_S[1, 1] * b + R_S[1, 2] * c
+        z = p_S[2] + R_S[2, 0] * a + R_S[2, 1] * b + R_S[2, 2] * c
+        if curvature == 0:
+            distance = signed_distance(BOX, half, x, y, z + half[2])
+        else:
+            distance = chest_distance(curvature, half, x, y, z)
         smallest = min(smallest, distance - radii[k])
     return smallest
 

@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from breastscan.cell import SIZES, Cell, Shape
 from breastscan.geometry import se3
+from sim.room.chest import CHEST_HULL
 from sim.room.describe import ARM_BIT, SURROUNDINGS_BIT
-from sim.room.surroundings import CHEST_HULL
 from sim.scene import Scene
 from sim.wrist.probe import payload
 
@@ -27,16 +27,17 @@ def cell_of(scene: Scene) -> Cell:
     carried = np.isin(model.geom_bodyid, [flange, model.body("tool").id]) & (
         model.geom_contype == ARM_BIT
     )
+    simple = model.geom_type != mujoco.mjtGeom.mjGEOM_MESH  # a curved chest is not
     around = {
         shape.name: shape
-        for shape in _shapes(data, model.geom_contype == SURROUNDINGS_BIT, np.eye(4))
+        for shape in _shapes(data, (model.geom_contype == SURROUNDINGS_BIT) & simple, np.eye(4))
     }
     return Cell(
         X_FP=scene.X_FP,
         payload=payload(scene.config.mount_angle),
         rig=scene.rig,
         tool=tuple(_shapes(data, carried, X_FB)),
-        chest=around.pop(CHEST_HULL),
+        chest=around.pop(CHEST_HULL, None),
         room=tuple(around.values()),
         kinematics=scene.calibration,
     )

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from sim.room.chest import CHEST_HULL
 from sim.room.describe import ARM_BIT
-from sim.room.surroundings import CHEST_HULL
 
 PLAIN_NAMES = {
     "probe_hull": "the probe's body",

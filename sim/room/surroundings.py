@@ -1,29 +1,22 @@
-"""The surroundings: floor, table, chest plate, camera stand and lights."""
+"""The surroundings: floor, table, camera stand and lights."""
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from breastscan.geometry import se3
 from sim.room.describe import (
     Element,
     add_collision,
-    add_material,
     add_materials,
-    add_mesh_geom,
     add_visual,
 )
 from sim.room.shapes import Z, along, barrel, joined, loft, moved, superellipse
-from sim.tissue.phantom import PLATE_SIDE
 
 TABLE_X, TABLE_Y = (-0.30, 1.12), (-0.52, 0.52)
 """Extent of the table top in B [m]."""
 TABLE_THICKNESS, TABLE_HEIGHT = 0.035, 0.76
 """[m]"""
-PLATE_HALF = (0.175, 0.205)
-"""Half lengths of the flat top of the chest plate along x and y [m]."""
-PLATE_ROUNDING = 0.045
-"""Radius of the chest plate's shoulders [m]."""
 STANDING_ROOM_X = (0.30, 0.78)
 STANDING_ROOM_Y = (-0.27, 0.27)
 """Where the centre of the chest plate may stand without touching the robot, the stand or the
@@ -55,11 +48,6 @@ FINE_NUMBERS = {
 FINE_WORDS = {"cg.tone_mapping": "filmic", "shadows.type": "pcss"}
 """Light and tone under the physically based renderer (`sim.cameras.filament`, Studio), by eye; the
 classic one ignores them."""
-CHEST = "phantom"
-"""Name of the chest plate's body, whose frame is S. It is the first of the mocap bodies: breathing
-moves it."""
-CHEST_HULL = "chest_hull"
-"""Name of the chest plate's collision shape."""
 
 
 def add_room(root: Element) -> None:
@@ -69,27 +57,6 @@ def add_room(root: Element) -> None:
     _add_fine_looks(root)
     _add_floor(root)
     _add_table(root.worldbody)
-
-
-def add_chest(
-    root: Element, p_BS: Float[np.ndarray, "3"], image: UInt8[np.ndarray, "h w 3"] | None
-) -> None:
-    """The chest plate, its flat top in the plane z_S = 0.
-
-    Args:
-        root: The description to add to.
-        p_BS: Centre of the breast's base [m].
-        image: Texture of the plate; None where only its shape counts.
-    """
-    chest = root.worldbody.add("body", name=CHEST, mocap=True, pos=p_BS)
-    height = p_BS[2]
-    half = np.array([*PLATE_HALF, height / 2])
-    add_collision(
-        chest, CHEST_HULL, of_arm=False, type="box", size=half, pos=(0.0, 0.0, -height / 2)
-    )
-    if image is not None:
-        add_material(root, "chest", image=image)
-        _add_torso(chest, height)
 
 
 def add_stand(
@@ -212,37 +179,6 @@ def _slab(half: Float[np.ndarray, "2"], bottom: float, top: float) -> trimesh.Tr
     return loft(
         np.array([np.column_stack([s * outline, np.full(len(outline), z)]) for z, s in rings])
     )
-
-
-def _add_torso(chest: Element, height: float) -> None:
-    """A flat-topped block whose shoulders roll off to the table; its picture is unrolled over
-    them.
-    """
-    outline = superellipse(*PLATE_HALF, 5.0, around=160)
-    outward = outline / np.linalg.norm(outline, axis=1, keepdims=True)
-    rounding = min(PLATE_ROUNDING, height)
-    angle = np.linspace(0, np.pi / 2, 16)
-    grow = np.append(rounding * np.sin(angle), rounding)
-    drop = np.append(rounding * (1 - np.cos(angle)), height)
-    unrolled = np.append(rounding * angle, rounding * (np.pi / 2 - 1) + height)
-    rings = np.array(
-        [
-            np.column_stack([outline + g * outward, np.full(160, -z)])
-            for g, z in zip(grow, drop, strict=True)
-        ]
-    )
-    flat = np.array([outline + distance * outward for distance in unrolled])
-    mesh = loft(rings)
-    texcoord = 0.5 + np.vstack([flat.reshape(-1, 2), [[0, 0], [0, 0]]]) / PLATE_SIDE
-    asset = chest.root.asset.add(
-        "mesh",
-        name="chest",
-        vertex=mesh.vertices.ravel(),
-        face=mesh.faces.ravel(),
-        texcoord=texcoord.ravel(),
-        inertia="shell",
-    )
-    add_mesh_geom(chest, asset, "chest")
 
 
 def _housing() -> trimesh.Trimesh:

@@ -1,4 +1,4 @@
-"""The patient breathes: the chest plate, and the breast with it, rises and falls.
+"""The patient breathes: the chest, and the breast with it, rises and falls along its normal.
 
 It starts at the end of an exhalation, where p_BS holds, and rises by twice the amplitude at the
 most.
@@ -22,7 +22,8 @@ class BreathingConfig:
     """How deep, how fast, and in what rhythm."""
 
     amplitude: float = 0.0
-    """Half of the chest's vertical stroke [m]; 0 for a breath that is held, .005 for a calm one."""
+    """Half of the chest's stroke along its normal [m]; 0 for a breath that is held, .005 for a
+    calm one."""
     rate: float = 0.25
     """Breaths a second [Hz]."""
     waveform: Waveform = "sine"
@@ -44,7 +45,7 @@ class BreathingConfig:
 
 
 def rise(config: BreathingConfig, time: float) -> float:
-    """Height of the chest plate over the end of the exhalation [m] at `time` [s]."""
+    """Way of the chest along its normal from the end of the exhalation [m] at `time` [s]."""
     wave = math.sin(math.pi * config.rate * time) ** 2
     return 2 * config.amplitude * (wave if config.waveform == "sine" else wave**2)
 

@@ -96,13 +96,13 @@ def compute_compliance(
     tell(0.1, "solving the tissue's elasticity")
     # the fronts are small, and threads that wait for each other cost more than they bring
     with threadpool_limits(1):
-        response_S = _respond(basis, _stiffness(basis, phantom, layered=False), forces, skin)
+        response_S = _respond(basis, _stiffness(basis, phantom, layered=False), forces, mesh)
         plain = _inward(response_S, normals_S)
         remainder = half_space.smooth_remainder(plain, vertices_S, normals_S, loads, poisson)
         if layered:
             tell(0.5, "solving the elasticity of the layers")
             stiffness = _stiffness(basis, phantom, layered=True) + _membrane(basis, facets, phantom)
-            response_S = _respond(basis, stiffness, forces, skin)
+            response_S = _respond(basis, stiffness, forces, mesh)
             by_layers = _inward(response_S, normals_S) - plain
             remainder += (by_layers + by_layers.T) / 2
     tell(1.0, "solving the tissue's elasticity")
@@ -206,12 +206,14 @@ def _respond(
     basis: skfem.Basis,
     stiffness: scipy.sparse.csr_array,
     forces: Float[np.ndarray, "d n"],
-    skin: Int[np.ndarray, "n"],
+    mesh: TetMesh,
 ) -> Float[np.ndarray, "n n 3"]:
     """Displacement of every vertex of the skin for every load [m]: [load, vertex, axis]."""
     by_node = np.concatenate([np.asarray(basis.nodal_dofs), np.asarray(basis.edge_dofs)], axis=1).T
     points_S = basis.doflocs[:, by_node[:, 0]].T
-    free = points_S[:, 2] > 1e-9
+    on_chest = mesh.direction[:, 2] == 0
+    free = ~np.append(on_chest, on_chest[np.asarray(basis.mesh.edges)].all(axis=0))
+    skin = np.nonzero(mesh.skin & ~on_chest)[0]
     unknowns = by_node[free].ravel()
     moved = SparseCholesky(stiffness[unknowns][:, unknowns], points_S[free]).solve(forces[unknowns])
     displacement = moved.reshape(-1, 3, forces.shape[1])[(np.cumsum(free) - 1)[skin]]

@@ -3,8 +3,9 @@ and one by one.
 
 `parameters` holds, in this order: the radii along x and y [m], the quadrants' surplus along x and y
 [-], the lean linear in the height along x and y [-], the lean quadratic in it [1/m], the dome's
-height [m], the nipple's [m], the roundness [-], and of nipple and areola the rises [m] and the
-widths on the half-ball [-].
+height [m], the nipple's [m], the roundness [-], of nipple and areola the rises [m] and the
+widths on the half-ball [-], and the chest's curvature across x [1/m]: the whole is sheared along z
+so that its base lies on the chest.
 """
 
 import math
@@ -20,13 +21,14 @@ def embed_point(parameters, x, y, z):
     """A point of the unit half-ball z >= 0 mapped into the breast, in S [m]; points at distance
     1 become the skin.
     """
-    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = parameters
+    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _, curvature = parameters
     height = dome_height * z + _bump(parameters, x, y) * z * z
     flank = _flank(parameters, height)
+    across = ry * y * (1 + qy * y) * flank + ly * height + ky * height * height
     return (
         rx * x * (1 + qx * x) * flank + lx * height + kx * height * height,
-        ry * y * (1 + qy * y) * flank + ly * height + ky * height * height,
-        height,
+        across,
+        height - curvature * across * across / 2,
     )
 
 
@@ -34,7 +36,8 @@ def embed_point(parameters, x, y, z):
 @no_type_check
 def inverse_map_point(parameters, x, y, z):
     """Inverse of `embed_point`, extended smoothly around the breast."""
-    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _ = parameters
+    rx, ry, qx, qy, lx, ly, kx, ky, dome_height, _, _, _, _, _, _, curvature = parameters
+    z += curvature * y * y / 2
     flank = _flank(parameters, z)
     bx = _root((x - lx * z - kx * z * z) / (rx * flank), 1.0, qx)
     by = _root((y - ly * z - ky * z * z) / (ry * flank), 1.0, qy)

@@ -56,8 +56,13 @@ class FlexTissue:
         """Describe and compile the solid.
 
         Raises:
-            ConfigError: The phantom has layers.
+            ConfigError: The phantom has layers, or lies on a curved chest.
         """
+        if phantom.curvature != 0:
+            raise ConfigError(
+                'a flex stands on a flat chest only: use mechanics "soft" for a curved one',
+                phantom.curvature,
+            )
         if phantom.config.layers.present:
             raise ConfigError(
                 'a flex has one stiffness throughout: use mechanics "soft" for layers',

@@ -4,7 +4,7 @@ The shape follows the closed form of VICTRE's breast phantom (quadrants, ptosis,
 REFERENCES.md), flattened for a patient who lies on her back. Its pieces are chosen so that the map
 from the unit half-ball to the phantom is smooth and has a closed inverse: the skin is the image of
 the unit hemisphere, and `Phantom.level` is an exact implicit function of it. In S, x points to the
-patient's feet and y away from the sternum.
+patient's feet and y away from the sternum. On a curved chest the whole is sheared along z.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from jaxtyping import Float, Int, UInt8
 from breastscan.errors import ConfigError
 from sim.tissue import dome, texture
 from sim.tissue.breast import SHAPES
+from sim.tissue.chest import heights_over
 from sim.tissue.hemisphere import hemisphere, sphere_axes
 from sim.tissue.phantom_config import PhantomConfig
 
@@ -35,11 +36,16 @@ TEXTURE_RIM = 0.49
 """Distance from the centre of the texture at which the base of the breast lies [image widths]."""
 PLATE_SIDE = 0.4
 """Side of the square that `Phantom.plate_texture` covers [m]."""
+BISECTIONS = 60
+"""Halvings that find a contour to the last bit."""
+TOP_REACH, TOP_GRID, TOP_TOLERANCE = 0.4, 17, 1e-6
+"""Half width of the square around the hemisphere's pole in which the breast's top is sought, points
+along its side, and half width at which the search ends [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SkinMesh:
-    """A fine triangulation of the undeformed skin; its border lies in the plane z_S = 0."""
+    """A fine triangulation of the undeformed skin; its border lies on the chest."""
 
     vertices_S: Float[np.ndarray, "n 3"]
     """Points of the smooth surface [m]."""
@@ -56,8 +62,12 @@ class Phantom:
     textures.
     """
 
-    def __init__(self, config: PhantomConfig) -> None:
+    def __init__(self, config: PhantomConfig, curvature: float = 0.0) -> None:
         """Draw the shape.
+
+        Args:
+            config: What can be chosen of it.
+            curvature: Of the chest across the body's long axis [1/m]; 0 for a flat one.
 
         Raises:
             ConfigError: The skin would fold into itself, the breast hang beside its base, or its
@@ -67,14 +77,19 @@ class Phantom:
         self.config = config
         self.radius = config.size * shape.radius
         """Mean radius of the base [m]."""
-        self.height = config.size * config.projection * shape.height
-        """Height of the nipple's tip above the chest plate [m]."""
+        height = config.size * config.projection * shape.height
         self.areola_radius = config.size * shape.areola_radius
         """Radius of the areola [m]."""
-        self.parameters = _draw(config, self.radius, self.height)
+        self.curvature = curvature
+        """Of the chest across the body's long axis [1/m]."""
+        self.parameters = np.append(_draw(config, self.radius, height), curvature)
         """The map's coefficients, for `dome`."""
+        self.height = height if curvature == 0 else self._top_height()
+        """Height of the breast's top, the nipple's tip, above the chest [m]."""
         mass_p_S = np.array(config.layers.mass_p_S)
-        if config.layers.mass_radius > 0 and not (self.level(mass_p_S[None])[0] < 0 <= mass_p_S[2]):
+        if config.layers.mass_radius > 0 and not (
+            self.level(mass_p_S[None])[0] < 0 <= self.heights(mass_p_S)
+        ):
             raise ConfigError(
                 f"the stiff mass at mass_p_S = {config.layers.mass_p_S} m lies outside of the "
                 f"breast, which is {self.height * 1e3:.0f} mm high and has a radius of "
@@ -99,6 +114,11 @@ class Phantom:
     def level(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         """Implicit function of the skin: negative inside, zero on it, positive outside [-]."""
         return np.linalg.norm(self.inverse_map(p_S), axis=-1) - 1
+
+    def heights(self, p_S: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        """Heights above the chest, along its normal [m]."""
+        flat = np.ascontiguousarray(p_S).reshape(-1, 3)
+        return heights_over(self.curvature, flat).reshape(p_S.shape[:-1])
 
     def normal(self, direction: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Outward unit normal in S of the skin at `direction`, a point of the unit hemisphere."""
@@ -133,8 +153,8 @@ class Phantom:
         )
 
     def level_loop(self, height: float, count: int) -> Float[np.ndarray, "n 3"]:
-        """Contour of the skin at `height` above the chest plate: `count` points in S [m], running
-        about z.
+        """Contour of the skin at `height` above the chest, along its normal: `count` points in S
+        [m], running about z.
 
         Raises:
             ValueError: The height is not between the chest plate and the nipple's tip.
@@ -143,13 +163,14 @@ class Phantom:
             raise ValueError(
                 f"the skin has no contour at {height} m: give a height in [0, {self.height}) m"
             )
-        cosine = self._cosine_at(height)
         azimuth = np.linspace(0, 2 * np.pi, count, endpoint=False)
-        sine = np.sqrt(1 - cosine**2)
-        direction = np.stack(
-            [sine * np.cos(azimuth), sine * np.sin(azimuth), np.full(count, cosine)], axis=1
-        )
-        return self.embed(direction)
+        around = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=1)
+        low, high = np.zeros((count, 1)), np.ones((count, 1))
+        for _ in range(BISECTIONS):
+            midpoint = (low + high) / 2
+            below = self.heights(self.embed(_meridian(around, midpoint)))[:, None] < height
+            low, high = np.where(below, midpoint, low), np.where(below, high, midpoint)
+        return self.embed(_meridian(around, low))
 
     def texture_image(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the skin for `SkinMesh.uv`, RGB."""
@@ -184,16 +205,25 @@ class Phantom:
         )
         return float(np.linalg.norm(np.diff(rings, axis=0), axis=1).sum())
 
-    def _cosine_at(self, height: float) -> float:
-        """The contour at `height` on the unit hemisphere: its z, by bisection (the height rises
-        with z).
-        """
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            midpoint = (low + high) / 2
-            point = np.array([np.sqrt(1 - midpoint**2), 0.0, midpoint])
-            low, high = (midpoint, high) if self.embed(point)[2] < height else (low, midpoint)
-        return low
+    def _top_height(self) -> float:
+        """Height of the highest point, near the pole, on ever finer grids."""
+        steps = np.linspace(-1.0, 1.0, TOP_GRID)
+        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        best, reach, height = np.zeros(2), TOP_REACH, 0.0
+        while reach > TOP_TOLERANCE:
+            xy = best + reach * grid
+            ball = np.column_stack([xy, np.sqrt(1 - np.sum(xy**2, axis=1))])
+            heights = self.heights(self.embed(ball))
+            best, height = xy[heights.argmax()], float(heights.max())
+            reach *= 4 / TOP_GRID
+        return height
+
+
+def _meridian(
+    around: Float[np.ndarray, "n 3"], cosine: Float[np.ndarray, "n 1"]
+) -> Float[np.ndarray, "n 3"]:
+    """Directions of the unit hemisphere over horizontal ones, by their z."""
+    return np.sqrt(1 - cosine**2) * around + cosine * [0.0, 0.0, 1.0]
 
 
 def _draw(config: PhantomConfig, radius: float, height: float) -> Float[np.ndarray, "15"]:

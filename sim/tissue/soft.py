@@ -153,8 +153,9 @@ class SoftTissue:
         azimuth = np.linspace(0, 2 * np.pi, 140, endpoint=False)
         clamped = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
         sources = np.concatenate([self._surface.direction, clamped])
-        near, weights = interpolation_weights(sources, self._phantom.inverse_map(skin_S))
-        weights[(near >= points) | (skin_S[:, 2:] == 0)] = 0.0
+        direction = self._phantom.inverse_map(skin_S)
+        near, weights = interpolation_weights(sources, direction)
+        weights[(near >= points) | (direction[:, 2:] == 0)] = 0.0
         return interpolation_matrix(near, weights, len(sources))[:, :points]
 
 

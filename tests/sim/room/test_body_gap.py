@@ -11,8 +11,8 @@ from scipy.spatial import KDTree
 from breastscan.geometry import kinematics, se3
 from sim.room.body_gap import BodyGap
 from sim.room.cell import cell_of
+from sim.room.chest import CHEST_HULL
 from sim.room.describe import ARM_BIT
-from sim.room.surroundings import CHEST_HULL
 from sim.scene import HOME_Q
 from tests.sim.tissue.press_poses import loop_pose
 
