@@ -242,6 +242,7 @@ def test_a_mistyped_command_or_study_is_told_with_the_nearest(capsys):
     [
         ("scan", "--seed", "-1"),
         ("scan", "--scene.phantom.seed", "-2"),
+        ("scan", "--scene.phantom.texture_seed", "-2"),
         ("scan", "--perception.segment.seed", "-2"),
         ("view", "--web", "--seed", "-1"),
         ("calibrate", "--twin", "--seed", "-1"),

@@ -175,16 +175,19 @@ class Phantom:
     def texture_image(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the skin for `SkinMesh.uv`, RGB."""
         pixel = self._meridian / (TEXTURE_RIM * TEXTURE_SIZE_PX)
-        return self._looks(
-            np.random.default_rng(self.config.seed or 0), TEXTURE_SIZE_PX, pixel, self.areola_radius
-        )
+        rng = np.random.default_rng(self._texture_seed)
+        return self._looks(rng, TEXTURE_SIZE_PX, pixel, self.areola_radius)
 
     def plate_texture(self) -> UInt8[np.ndarray, "t t 3"]:
         """Colours of the chest plate around the breast, RGB, `PLATE_SIDE` wide; it can be tiled."""
         size = TEXTURE_SIZE_PX // 2
-        return self._looks(
-            np.random.default_rng([self.config.seed or 0, 1]), size, PLATE_SIDE / size, 0.0
-        )
+        rng = np.random.default_rng([self._texture_seed, 1])
+        return self._looks(rng, size, PLATE_SIDE / size, 0.0)
+
+    @property
+    def _texture_seed(self) -> int:
+        own, shape = self.config.texture_seed, self.config.seed
+        return (shape or 0) if own is None else own
 
     def _looks(
         self, rng: np.random.Generator, size: int, pixel: float, areola_radius: float

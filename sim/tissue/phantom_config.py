@@ -3,13 +3,15 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from breastscan.checks import require_positive
+from breastscan.checks import require_positive, require_seed
 from breastscan.errors import ConfigError
 from sim.tissue.breast import SHAPES, BreastClass
 from sim.tissue.layers import LayerConfig
 
 Texture = Literal["skin", "speckle", "smooth", "plastic"]
 Mechanics = Literal["soft", "printed", "flex"]
+OWN_RANGE = ("ptosis", "asymmetry", "gel_friction", "poisson", "seed", "texture_seed", "layers")
+"""Settings that are not all positive numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,11 +30,12 @@ class PhantomConfig:
     """Differences between the quadrants, and lean away from the sternum, over the class's own
     [-]."""
     seed: int | None = None
-    """Draws the small variation of the shape, and the texture; None follows the seed of the
-    whole."""
+    """Draws the small variation of the shape; None follows the seed of the whole."""
     texture: Texture = "skin"
     """Natural skin, the sprayed dots of digital image correlation, skin with hardly any texture, or
     printed plastic."""
+    texture_seed: int | None = None
+    """Draws the texture; None follows the seed of the shape."""
     mechanics: Mechanics = "soft"
     """Soft tissue by finite elements, a rigid print, or MuJoCo's own deformable solid."""
     young: float = 30e3
@@ -54,11 +57,8 @@ class PhantomConfig:
                 raise ConfigError(
                     f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}", self
                 )
-        require_positive(
-            self,
-            "phantom",
-            but=("ptosis", "asymmetry", "gel_friction", "poisson", "seed", "layers"),
-        )
+        require_positive(self, "phantom", but=OWN_RANGE)
+        require_seed(self.texture_seed, "phantom.texture_seed")
         for name in ("ptosis", "asymmetry", "gel_friction"):
             if not 0 <= getattr(self, name) < float("inf"):
                 raise ConfigError(

@@ -86,6 +86,7 @@ VALUES: dict[str, Any] = {
     "safety.skin_offset": 1e-6,
     "safety.skin_speed": 1e-9,
     "scene.phantom.seed": 1,
+    "scene.phantom.texture_seed": 1,
     "scene.phantom.poisson": 0.3,
     "scene.phantom.mechanics": "printed",
     "scene.phantom.layers.gland_fraction": 0.6,

@@ -78,6 +78,19 @@ def test_the_seed_varies_the_shape_a_little_and_repeatably():
     assert 1e-4 < np.abs(one - other).max() < 5e-3
 
 
+def test_the_texture_follows_the_shapes_seed_unless_it_has_its_own():
+    follows, same, own = (
+        Phantom(PhantomConfig(seed=seed, texture_seed=texture))
+        for seed, texture in ((3, None), (3, 3), (3, 4))
+    )
+    for looks in (Phantom.texture_image, Phantom.plate_texture):
+        np.testing.assert_array_equal(looks(follows), looks(same))
+        assert (looks(follows) != looks(own)).any()
+    np.testing.assert_array_equal(follows.skin.vertices_S, own.skin.vertices_S)
+    with pytest.raises(ConfigError, match="texture_seed must be a whole number"):
+        PhantomConfig(texture_seed=-1)
+
+
 def volume_of(shape):
     """Without nipple and areola, in closed form [m^3]."""
     height = shape.height - shape.nipple_height - shape.areola_height
