@@ -13,7 +13,7 @@ from breastscan.run.writing import as_json, write_json
 from experiments.sweep import page, table
 from experiments.sweep.engine import Engine, carry_out
 from experiments.sweep.scan_run import scan_run
-from experiments.sweep.spec import SweepSpec
+from experiments.sweep.spec import Spec
 
 SPEC_FILE = "spec.json"
 """What a folder's sweep is, so that no other goes on in it."""
@@ -22,7 +22,7 @@ Judge = Callable[[polars.DataFrame], polars.DataFrame]
 
 
 def run(
-    spec: SweepSpec,
+    spec: Spec,
     out: Path,
     *,
     seed: int,
@@ -77,7 +77,7 @@ def write_page(data: Path, folder: Path) -> None:
     page.write(frame, meta, folder)
 
 
-def _begin(out: Path, spec: SweepSpec, seed: int) -> None:
+def _begin(out: Path, spec: Spec, seed: int) -> None:
     """Note what the folder's sweep is.
 
     Raises:

@@ -15,6 +15,7 @@ from breastscan.commands.console import Out, Seed, console, progress_bars
 from breastscan.commands.settings import require_used
 from breastscan.errors import ConfigError
 from experiments import (
+    study_budget,
     study_cameras,
     study_force,
     study_joints,
@@ -25,6 +26,7 @@ from experiments import (
     study_twin,
     study_weights,
 )
+from experiments.budget import design
 from experiments.sweep import engine as engines
 from experiments.sweep import spec
 
@@ -37,7 +39,7 @@ STUDIES = {
     "twin": study_twin,
     "weights": study_weights,
 }
-SWEPT = {"sweep": study_sweep, "population": study_population}
+SWEPT = {"sweep": study_sweep, "population": study_population, "budget": study_budget}
 """Studies of many scans."""
 MANY = 10_000
 """Scans that are asked about before they run."""
@@ -52,6 +54,7 @@ def study(
     out: Out | None = None,
     seed: Seed = 0,
     count: int | None = None,
+    samples: int | None = None,
     workers: int | None = None,
     engine: str | None = None,
     yes: bool = False,
@@ -59,18 +62,21 @@ def study(
     """Answer one question about the twin, with figures and tables.
 
     Args:
-        name: Which study. cameras: what the simulated cameras' errors are and cost. force: how well
-            each force law holds the probe, an hour. joints: what the six joints do along the loop,
-            with fixed and with free roll. paper: every figure and table of the paper beside the
-            twin's. phantom: how far its mechanics can be trusted, and what they cost. population:
-            how many of many breasts are scanned well. report: the page of a sweep's data set.
-            sweep: what scans do when their settings vary. twin: how the simulated arm and its wrist
-            sensor behave. weights: what the weights of a NURBS curve do.
+        name: Which study. budget: what each source of error costs, three hours. cameras: what the
+            simulated cameras' errors are and cost. force: how well each force law holds the probe,
+            an hour. joints: what the six joints do along the loop, with fixed and with free roll.
+            paper: every figure and table of the paper beside the twin's. phantom: how far its
+            mechanics can be trusted, and what they cost. population: how many of many breasts are
+            scanned well. report: the page of a sweep's data set. sweep: what scans do when their
+            settings vary. twin: how the simulated arm and its wrist sensor behave. weights: what
+            the weights of a NURBS curve do.
         source: Of a sweep its file, of a report the data set (docs/studies.md).
         out: Folder for the results, by default out/study_NAME; a sweep that was cut off goes on in
             its own.
         seed: Seed of everything random.
-        count: Breasts of a population, 200 by default.
+        count: Breasts of a population, 200 by default; of a budget the scans with each source alone
+            and left out, 20 by default.
+        samples: Groups of scans of a budget for indices of variance, 64 by default.
         workers: Processes that scan, by default one a core.
         engine: dask://HOST:PORT, a scheduler whose workers scan instead.
         yes: Whether ten thousand scans or more may run without a question.
@@ -86,8 +92,11 @@ def study(
         {
             f"study {name} takes a file: give it behind the name": filed and source is None,
             f"study {name} takes no file, got {source}": not filed and source is not None,
-            "--count is a population's": count is not None and name != "population",
-            "--workers, --engine and --yes are for many scans: study sweep, study population": (
+            "--count is a population's or a budget's": (
+                count is not None and name not in ("population", "budget")
+            ),
+            "--samples are a budget's": samples is not None and name != "budget",
+            f"--workers, --engine and --yes are for many scans: {', '.join(SWEPT)}": (
                 not swept and (workers, engine, yes) != (None, None, False)
             ),
             "--workers are this machine's, and --engine brings its own": (
@@ -107,9 +116,12 @@ def study(
             chosen = engines.here(workers or os.cpu_count() or 1)
         else:
             chosen = engines.dask(_scheduler(engine), folder)
-        asked = study_population.spec(count) if source is None else spec.load(source)
+        if name == "budget":
+            asked = design.load(count, samples, folder)
+        else:
+            asked = study_population.spec(count) if source is None else spec.load(source)
         _require_agreed(asked.size, yes)
-        with _progress(asked.size) as done:
+        with _progress(len(asked.runs(seed))) as done:
             SWEPT[name].run(asked, folder, seed=seed, engine=chosen, told=done)
         console.print(f"Data set: {folder / f'{name}.parquet'}", soft_wrap=True)
     else:

@@ -245,6 +245,16 @@ def write_png(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white")
 
 
+def write_svg(figure: Figure, path: Path, description: str) -> None:
+    """Write a figure in the colours of the light scheme, with `description` for who cannot see
+    it.
+    """
+    svg = to_svg(figure, description)
+    for colour, variable in CSS_VARIABLES.items():
+        svg = svg.replace(f"var({variable})", colour)
+    path.write_text(svg, encoding="utf-8")
+
+
 def to_svg(figure: Figure, description: str) -> str:
     """Inline SVG that takes its colours and font from the page, with `description` for who
     cannot see it.

@@ -106,20 +106,12 @@ def _write_files(folder: Path, item: Item, seed: int) -> None:
     writing.write_csv(folder / f"{item.stem}.csv", _frame(item))
     if item.figure is not None:
         theme.write_png(item.figure, folder / f"{item.stem}.png")
-        svg = theme.to_svg(item.figure, item.shows)
-        (folder / f"{item.stem}.svg").write_text(_standing_alone(svg), encoding="utf-8")
+        theme.write_svg(item.figure, folder / f"{item.stem}.svg", item.shows)
 
 
 def _plain(values: np.ndarray) -> np.ndarray:
     """Numbers as the file's format has them."""
     return values.astype(float) if values.dtype.kind in "iu" else values
-
-
-def _standing_alone(svg: str) -> str:
-    """SVG with the colours of the light scheme, which no page gives it."""
-    for colour, variable in theme.CSS_VARIABLES.items():
-        svg = svg.replace(f"var({variable})", colour)
-    return svg
 
 
 def _markdown(items: Sequence[Item]) -> Iterator[str]:

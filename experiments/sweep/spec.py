@@ -7,10 +7,10 @@ the points cover what is varied evenly, by a Latin hypercube (`lhs`) or a Sobol 
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import scipy.stats
@@ -60,6 +60,19 @@ class Run:
         return with_values(RunConfig(), self.settings)
 
 
+class Spec(Protocol):
+    """What asks for the runs of a study."""
+
+    @property
+    def vary(self) -> Iterable[str]:
+        """Columns of the data set that say what varied."""
+        ...
+
+    def runs(self, seed: int) -> list[Run]:
+        """All runs, in order."""
+        ...
+
+
 def _uniform(bounds: Sequence[float], u: float) -> float:
     low, high = bounds
     return low + u * (high - low)
@@ -75,6 +88,11 @@ def _normal(parameters: Sequence[float], u: float) -> float:
     return float(scipy.stats.norm.ppf(u, mean, deviation))
 
 
+def _integer(bounds: Sequence[int], u: float) -> int:
+    low, high = bounds
+    return low + int(u * (high - low))
+
+
 def _choice(options: Sequence[Any], u: float) -> Any:
     return options[min(int(u * len(options)), len(options) - 1)]
 
@@ -83,10 +101,11 @@ DRAWN: dict[str, Callable[[Sequence[Any], float], Any]] = {
     "uniform": _uniform,
     "log": _log,
     "normal": _normal,
+    "integer": _integer,
     "choice": _choice,
 }
 """Quantile functions by the name of the distribution: [low, high], [low, high], [mean, standard
-deviation], and what is chosen from with equal chances."""
+deviation], [low, high) of whole numbers, and what is chosen from with equal chances."""
 
 
 def _range(first: float, last: float, count: int) -> list[float | int]:
@@ -100,7 +119,7 @@ LISTED: dict[str, Callable[[Sequence[Any]], list[Any]]] = {
     "range": lambda three: _range(*three),
 }
 """Levels of a grid by their kind: the values, or [first, last, how many]."""
-NUMBERS = {"uniform": 2, "log": 2, "normal": 2, "range": 3}
+NUMBERS = {"uniform": 2, "log": 2, "normal": 2, "integer": 2, "range": 3}
 """How many numbers each kind takes."""
 
 
@@ -188,7 +207,7 @@ class SweepSpec:
             power = math.ceil(math.log2(self.count))  # balanced at whole powers of two
             unit = qmc.Sobol(len(self.vary), rng=rng).random_base2(power)[: self.count]
         inside = np.clip(unit, np.finfo(float).eps, 1 - np.finfo(float).eps)
-        return [dict(zip(self.vary, map(_drawn, self.vary.values(), row), strict=True))
+        return [dict(zip(self.vary, map(drawn, self.vary.values(), row), strict=True))
                 for row in inside.tolist()]  # fmt: skip
 
 
@@ -204,7 +223,8 @@ def _are_seeds(seeds: object) -> bool:
     )
 
 
-def _drawn(factor: Mapping[str, list[Any]], u: float) -> Any:
+def drawn(factor: Mapping[str, list[Any]], u: float) -> Any:
+    """The value of a distribution, as {uniform: [1, 2]}, at a quantile."""
     ((kind, takes),) = factor.items()
     return DRAWN[kind](takes, u)
 
@@ -263,12 +283,14 @@ def _require_numbers(name: str, kind: str, takes: list[Any]) -> None:
     elif valid and kind == "normal":
         valid = takes[1] > 0
     elif valid:
-        valid = takes[0] < takes[1] and (kind != "log" or takes[0] > 0)
+        whole = all(isinstance(x, int) for x in takes) or kind != "integer"
+        valid = whole and takes[0] < takes[1] and (kind != "log" or takes[0] > 0)
     if not valid:
         expected = {
             "uniform": "[low, high], low < high",
             "log": "[low, high], 0 < low < high",
             "normal": "[mean, standard deviation], the latter positive",
+            "integer": "[low, high) of whole numbers, low < high",
             "range": "[first, last, how many], first <= last and one at least",
         }[kind]
         raise ConfigError(f"{name}: {kind} takes {expected}, got {takes}", takes)

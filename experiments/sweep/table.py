@@ -15,8 +15,9 @@ import polars
 
 from breastscan.errors import ConfigError
 from breastscan.run.provenance import provenance
+from breastscan.run.writing import as_json
 from experiments.sweep.engine import RECORDS
-from experiments.sweep.spec import Run, SweepSpec
+from experiments.sweep.spec import Run, Spec
 
 FORMAT = "1"
 """Of the data set; raised when a column changes its meaning."""
@@ -69,7 +70,7 @@ def _flat(record: dict[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def write(path: Path, frame: polars.DataFrame, spec: SweepSpec, seed: int) -> None:
+def write(path: Path, frame: polars.DataFrame, spec: Spec, seed: int) -> None:
     """Write the data set, with what it is and where it comes from in its metadata."""
     known = provenance()
     told = {
@@ -77,7 +78,7 @@ def write(path: Path, frame: polars.DataFrame, spec: SweepSpec, seed: int) -> No
         "version": known["versions"]["breastscan"],
         "commit": known["commit"] or "",
         "varied": json.dumps(list(spec.vary)),
-        "spec": json.dumps(vars(spec)),
+        "spec": json.dumps(as_json(spec)),
         "seed": str(seed),
     }
     whole = io.BytesIO()  # polars itself would not say of a full disk that it is full

@@ -10,6 +10,7 @@ from experiments import study_population
 from experiments.sweep.spec import LISTED, SweepSpec, load, parsed
 
 YOUNG, FORCE, BREAST = "scene.phantom.young", "contact.force", "scene.phantom.breast"
+SEED = "scene.arm.seed"
 
 
 def test_a_grid_has_every_combination_under_every_seed():
@@ -38,6 +39,7 @@ def test_what_is_drawn_has_the_distribution_that_was_asked_for(design):
             "safety.force": {"uniform": [9.0, 12.0]},
             YOUNG: {"log": [10e3, 40e3]},
             FORCE: {"normal": [5.0, 0.5]},
+            SEED: {"integer": [3, 7]},
             BREAST: {"choice": ["standard", "dense", "fatty", "scattered"]},
         },
     )
@@ -53,6 +55,8 @@ def test_what_is_drawn_has_the_distribution_that_was_asked_for(design):
         assert distance < 0.01  # drawn independently: .04 in the middle of cases
     _, counts = np.unique(columns[BREAST], return_counts=True)
     assert np.ptp(counts) <= 2
+    numbers, counts = np.unique(columns[SEED], return_counts=True)
+    assert (numbers.tolist(), np.ptp(counts) <= 2) == ([3, 4, 5, 6], True)
     assert spec.runs(3) == runs
     assert spec.runs(4) != runs
     assert len({run.seed for run in runs}) == count
@@ -107,6 +111,9 @@ REFUSED = {
     "no steps": ({"vary": {FORCE: {"range": [3, 5, 0]}}}, "how many"),
     "log from nought": (
         {"vary": {FORCE: {"log": [0, 3]}}, "design": "lhs", "count": 3}, "0 < low < high",
+    ),
+    "halves of a whole number": (
+        {"vary": {SEED: {"integer": [0, 2.5]}}, "design": "lhs", "count": 3}, "of whole numbers",
     ),
     "drawn in a grid": ({"vary": {FORCE: {"uniform": [3, 5]}}}, "choose design: lhs or sobol"),
     "grid when drawn": (
