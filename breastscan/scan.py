@@ -16,16 +16,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import execution, scan_log
+from breastscan import execution, scan_log, skin_view
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
 from breastscan.checks import require_positive
-from breastscan.cloud import filters, normals, segment
+from breastscan.cloud import filters, segment
 from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, NoBreastError, PlanningError
 from breastscan.geometry import se3
+from breastscan.geometry.skin import Skin
 from breastscan.planning import motion, pattern
 from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Clearances, JointPathConfig
@@ -66,9 +67,6 @@ class PerceptionConfig:
     refine: RefineConfig = field(default_factory=lambda: RefineConfig(fit=FitConfig(smoothing=3.0)))
     """A stiffer field would take off .2 mm of the nipple, and the loop at half height would lie .1
     mm lower."""
-    denoise_alpha: float = 4.0
-    """alpha of the denoising filter [-] [Zhang, Eq. 12]. Points on the flanks lie three times as
-    far apart as on top: at 2, they would go as well."""
     cloud_points: int = 4000
     """Points that down-sampling keeps."""
 
@@ -118,12 +116,14 @@ class Reconstruction:
     """Of the whole rectified left view [px], NaN where unknown, refined on the breast."""
     breast: Breast
     """Which pixels are breast, and the plate under it."""
+    skin: Skin
+    """The smooth skin that both views show, in L."""
     points_L: Float[np.ndarray, "h w 3"]
-    """Denoised points of the breast at their pixels [m], NaN elsewhere."""
+    """Where each pixel sees the skin [m], NaN where it sees none or the right camera does not."""
     sampled_L: Float[np.ndarray, "n 3"]
-    """The down-sampled cloud [m]."""
+    """Some of these points, evenly spread [m]."""
     normals_L: Float[np.ndarray, "n 3"]
-    """Its unit normals, towards the camera."""
+    """Unit normals there, outwards."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,30 +335,29 @@ def reconstruct_breast(
     config: PerceptionConfig,
     stages: Stages,
 ) -> Reconstruction:
-    """The breast in a matched pair, refined on the images."""
+    """The breast in a matched pair, refined on the images.
+
+    Raises:
+        NoBreastError: There is none.
+    """
     with stages.stage("segmentation"):
         breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
     with stages.stage("refinement"):
-        disparity = refine.refine(
-            pair.left, pair.right, matched, breast.mask, config.refine
-        ).disparity
-    with stages.stage("cloud"):
-        points_L = triangulation.triangulate(disparity, pair)
-        points_L[~breast.mask] = np.nan
-        found = np.isfinite(points_L[..., 0])
-        inliers = filters.statistical_inliers(points_L[found], alpha=config.denoise_alpha)
-        found[found] = inliers
-        points_L[~found] = np.nan
-        cloud_L = points_L[found]
+        refined = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine)
+    with stages.stage("surface"):
+        skin, seen = skin_view.see_skin(pair, refined, breast)
+        points_L = np.full((*seen.shape, 3), np.nan)
+        cloud_L = skin_view.points(seen, pair)
+        points_L[np.isfinite(seen)] = cloud_L
         sampled_L = cloud_L[filters.uniform_sample(cloud_L, min(config.cloud_points, len(cloud_L)))]
-        normals_L = normals.estimate_normals(cloud_L, at=sampled_L)
     return Reconstruction(
         pair=pair,
-        disparity=disparity,
+        disparity=np.where(np.isfinite(seen), seen, refined.disparity).astype(np.float32),
         breast=breast,
+        skin=skin,
         points_L=points_L,
         sampled_L=sampled_L,
-        normals_L=normals_L,
+        normals_L=skin.normals(skin.chart(sampled_L)),
     )
 
 
@@ -394,8 +393,9 @@ def plan_scan(
     with stages.stage("path"):
         points_B = se3.transform(X_BL, reconstruction.sampled_L)
         normals_B = se3.rotate(X_BL, reconstruction.normals_L)
+        skin = reconstruction.skin.seen_from(X_BL)
         plate = reconstruction.breast.plate.seen_from(X_BL)
-        path = pattern.half_height_loop(points_B, normals_B, plate, config.pattern)
+        path = pattern.half_height_loop(skin, plate, config.pattern)
     with stages.stage("motion"):
         planned, feed = motion.plan_motion(
             path, robot.X_FP, robot.period, config.feedrate, config.joints,

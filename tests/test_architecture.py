@@ -26,7 +26,8 @@ PRODUCT = {
     "scan_log": ALL_STAGES,
     "approach": ALL_STAGES,
     "execution": ALL_STAGES | {"approach", "interruptions"},
-    "scan": ALL_STAGES | {"cell", "execution", "scan_log"},
+    "skin_view": ALL_STAGES,
+    "scan": ALL_STAGES | {"cell", "execution", "scan_log", "skin_view"},
     "report": UNDER | {"run"},
 }
 """What each room of the product may import, itself aside."""

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import tyro
 
+from breastscan.cloud import skin_fit
 from breastscan.commands.console import Out, console
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
@@ -74,7 +75,8 @@ def plan(
         ConfigError: The source cannot be read, is a path where settings are for a cloud, a margin
             is set that nothing measures, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
-        PlanningError: The path does not close, or the arm cannot follow it.
+        PerceptionError: A cloud has hardly any points.
+        PlanningError: The path crosses skin that was not seen, or the arm cannot follow it.
     """
     is_path = source.suffix.lower() == ".csv"
     if is_path and (plate_height is not None or planning.pattern != PatternConfig()):
@@ -167,4 +169,5 @@ def _loop(source: Path, plate_height: float | None, config: PatternConfig) -> Sk
     lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
     height = lowest if plate_height is None else plate_height
     plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
-    return pattern.half_height_loop(points_B, normals_B, plate, config)
+    skin = skin_fit.fit_cloud(points_B, normals_B, plate)
+    return pattern.half_height_loop(skin, plate, config)

@@ -28,6 +28,9 @@ from breastscan.vision.triangulation import depth_map, triangulate
 VIEW_POINTS = 100_000
 """Maximum number of points that a view without a breast is thinned to, along the rows and columns
 of the image."""
+VIEW_ALPHA = 4.0
+"""alpha of the denoising filter there [-] [Zhang, Eq. 12]: at 2, steep surfaces would go as well,
+whose points lie far apart."""
 VIEW_NEIGHBOURS = 15
 """Points that a normal is taken from there; distances are not known before [-]."""
 
@@ -89,7 +92,7 @@ def reconstruct(
             )
         except NoBreastError:
             check_sides(images, matched, cameras, perception)
-            view = _whole_view(pair, matched, perception)
+            view = _whole_view(pair, matched)
         writing.write_image(folder / "disparity.png", disparity_picture(view.disparity))
         writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
@@ -101,9 +104,7 @@ def reconstruct(
     return view
 
 
-def _whole_view(
-    pair: RectifiedPair, matched: Float32[np.ndarray, "h w"], config: PerceptionConfig
-) -> PairReconstruction:
+def _whole_view(pair: RectifiedPair, matched: Float32[np.ndarray, "h w"]) -> PairReconstruction:
     """All that was matched, as it was matched."""
     step = max(1, int(np.ceil(np.sqrt(np.isfinite(matched).sum() / VIEW_POINTS))))
     points_L = triangulate(matched, pair)[::step, ::step]
@@ -114,7 +115,7 @@ def _whole_view(
             "the rig's cameras",
             len(points_L),
         )
-    points_L = points_L[filters.statistical_inliers(points_L, alpha=config.denoise_alpha)]
+    points_L = points_L[filters.statistical_inliers(points_L, alpha=VIEW_ALPHA)]
     normals_L = normals.estimate_normals(points_L, k=VIEW_NEIGHBOURS)
     return PairReconstruction(
         disparity=matched, breast=None, points_L=points_L, normals_L=normals_L

@@ -121,6 +121,32 @@ def _basis(t, value, slope, bend):
 
 
 @kernel
+def value(coefficients, x, y):
+    """The value at one place, in units of the spacing."""
+    i = int(min(max(np.floor(x), 0), coefficients.shape[0] - 4))
+    j = int(min(max(np.floor(y), 0), coefficients.shape[1] - 4))
+    t = x - i
+    u = y - j
+    b0 = (1.0 - u) ** 3 / 6.0
+    b1 = (3.0 * u**3 - 6.0 * u * u + 4.0) / 6.0
+    b2 = (3.0 * (u + u * u - u**3) + 1.0) / 6.0
+    b3 = u**3 / 6.0
+    total = 0.0
+    for k in range(4):
+        if k == 0:
+            a = (1.0 - t) ** 3 / 6.0
+        elif k == 1:
+            a = (3.0 * t**3 - 6.0 * t * t + 4.0) / 6.0
+        elif k == 2:
+            a = (3.0 * (t + t * t - t**3) + 1.0) / 6.0
+        else:
+            a = t**3 / 6.0
+        c = coefficients[i + k]
+        total += a * (b0 * c[j] + b1 * c[j + 1] + b2 * c[j + 2] + b3 * c[j + 3])
+    return total
+
+
+@kernel
 def _values(coefficients, x, result):
     cells = (coefficients.shape[0] - 4, coefficients.shape[1] - 4)
     down = np.empty((3, 4))

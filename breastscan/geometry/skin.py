@@ -14,10 +14,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from breastscan.geometry import bicubic, se3
+from breastscan.geometry.compiled import kernel
 
 REACH = 1.9
 """The chart ends at this angle from its axis, along either coordinate [rad]: beyond the foot, which
 a sagging breast overhangs."""
+CAUTION = 0.4
+"""Step of a ray that seeks the skin over its height above it [-]: the skin leans by less than 66
+degrees against the directions from the middle of the foot, or a ray may pass a summit."""
+MIN_STEP = 2e-4
+"""Smallest such step [m]."""
+HALVINGS = 14
+"""Of the last step: to some nanometres."""
 NEAR_AXIS = 1e-3
 """Square of the angle from the axis below which series stand for quotients of 0 and 0."""
 
@@ -100,6 +108,33 @@ class Skin:
         row, column = np.where(inside[:, None], cell, 0).astype(int).T
         return inside & self.support[row, column]
 
+    def first_hits(
+        self,
+        origin: Float[np.ndarray, "3"],
+        rays: Float[np.ndarray, "n 3"],
+        start: Float[np.ndarray, "n"] | None = None,
+    ) -> Float[np.ndarray, "n"]:
+        """How far along each ray from a place outside the skin comes first [lengths of the ray],
+        NaN where it misses; skin that was not seen is met as well.
+
+        Args:
+            origin: Where the rays begin [m].
+            rays: Their directions.
+            start: How far the skin surely has not come yet; saves time [lengths of the ray].
+        """
+        X_NA = se3.inverse(self.X_AN)
+        result = np.empty(len(rays))
+        _first_hits(
+            self.radii,
+            self._per_radian,
+            float(self.radii.max()),
+            se3.transform(X_NA, origin),
+            se3.rotate(X_NA, rays),
+            np.zeros(len(rays)) if start is None else start,
+            result,
+        )
+        return result
+
     def seen_from(self, X_BA: Float[np.ndarray, "4 4"]) -> "Skin":
         """This skin of frame A, in frame B."""
         return replace(self, X_AN=X_BA @ self.X_AN)
@@ -181,3 +216,63 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _symmetric(aa: np.ndarray, ab: np.ndarray, bb: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([aa, ab], axis=1), np.stack([ab, bb], axis=1)], axis=1)
+
+
+@kernel
+def _height(radii, per_radian, x, y, z):
+    """Distance of a point of the chart's frame from the origin, less the skin's in its direction
+    [m].
+    """
+    across = np.sqrt(x * x + y * y)
+    angle = np.arctan2(across, z)
+    stretch = angle / across if across > 0.0 else 0.0
+    a = (min(max(x * stretch, -REACH), REACH) + REACH) * per_radian
+    b = (min(max(y * stretch, -REACH), REACH) + REACH) * per_radian
+    return np.sqrt(across * across + z * z) - bicubic.value(radii, a, b)
+
+
+@kernel
+def _first_hits(radii, per_radian, farthest, origin, rays, start, result):
+    """March from the ball that holds the skin, in steps of a share of the height over it, and
+    halve the last step.
+    """
+    for n in range(rays.shape[0]):
+        result[n] = np.nan
+        dx, dy, dz = rays[n]
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        dx /= length
+        dy /= length
+        dz /= length
+        middle = -(origin[0] * dx + origin[1] * dy + origin[2] * dz)
+        squared = origin[0] ** 2 + origin[1] ** 2 + origin[2] ** 2
+        half = farthest * farthest - squared + middle * middle
+        if half <= 0.0:
+            continue
+        half = np.sqrt(half)
+        before = max(middle - half, start[n] * length)
+        s = before
+        while s < middle + half:
+            z = origin[2] + s * dz
+            height = _height(radii, per_radian, origin[0] + s * dx, origin[1] + s * dy, z)
+            if height < 0.0:
+                for _ in range(HALVINGS):
+                    between = 0.5 * (before + s)
+                    if (
+                        _height(
+                            radii,
+                            per_radian,
+                            origin[0] + between * dx,
+                            origin[1] + between * dy,
+                            origin[2] + between * dz,
+                        )
+                        < 0.0
+                    ):
+                        s = between
+                    else:
+                        before = between
+                result[n] = s / length
+                break
+            if z < -0.5 * farthest:
+                break
+            before = s
+            s += max(CAUTION * height, MIN_STEP)

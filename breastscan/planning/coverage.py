@@ -8,79 +8,34 @@ say where on the skin one is.
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import KDTree
 
 from breastscan.errors import PlanningError
-from breastscan.geometry.plane import Plane
+from breastscan.geometry import se3
+from breastscan.geometry.skin import Skin
 from breastscan.planning import pattern
-from breastscan.planning.patch import MlsSurface, axes_along
-from breastscan.planning.pattern import Path, PatternConfig
-
-SEED_POINTS = 6
-"""Points of the cloud, nearest in direction, whose mean starts the search for the skin on a ray."""
+from breastscan.planning.pattern import Path
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dome:
-    """A breast's skin, seen from the centre of its foot."""
+    """A breast's skin in B, seen from the middle of its foot."""
 
-    surface: MlsSurface
-    centre_B: Float[np.ndarray, "3"]
-    """Centre of the breast on the chest plate, in B [m]."""
-    axes: Float[np.ndarray, "3 3"]
-    """Rows in basis B: along the plate towards the robot, across, the plate's normal."""
-
-    @staticmethod
-    def around(
-        points_B: Float[np.ndarray, "n 3"],
-        normals_B: Float[np.ndarray, "n 3"],
-        plate: Plane,
-        config: PatternConfig,
-    ) -> "Dome":
-        """The dome over the centre of the loop that `pattern.half_height_loop` finds.
-
-        Raises:
-            PlanningError: That loop does not close.
-        """
-        loop = pattern.half_height_loop(points_B, normals_B, plate, config)
-        loop_centre_B = loop.points_B.mean(axis=0)
-        return Dome(
-            surface=MlsSurface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius),
-            centre_B=loop_centre_B - plate.normal * plate.heights(loop_centre_B[None])[0],
-            axes=pattern.plate_axes(plate, loop_centre_B),
-        )
-
-    @cached_property
-    def _directions(self) -> KDTree:
-        from_centre_B = self.surface.points_B - self.centre_B
-        return KDTree(from_centre_B / np.linalg.norm(from_centre_B, axis=1, keepdims=True))
+    skin: Skin
 
     def path(self, rays: Float[np.ndarray, "n 3"], closed: bool) -> Path:
-        """Where the skin meets rays from the centre, given in the basis of `axes`.
+        """Where the skin meets rays from the middle of the foot: x along the chest towards the
+        robot, z along the skin's axis.
 
         Raises:
-            PlanningError: The skin has a hole there, or was not seen so low.
+            PlanningError: No skin was seen there.
         """
-        skin = [self._on_ray(ray_B) for ray_B in rays @ self.axes]
-        points_B, normals_B = (np.stack(column) for column in zip(*skin, strict=True))
-        return Path(points_B=points_B, normals_B=normals_B, closed=closed)
-
-    def _on_ray(self, ray_B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        ray_B = ray_B / np.linalg.norm(ray_B)
-        seeds = self._directions.query(ray_B, SEED_POINTS)[1]
-        distance = float(np.mean((self.surface.points_B[seeds] - self.centre_B) @ ray_B))
-        n_B = self.surface.normals_B[seeds].mean(axis=0)
-        planes_B = axes_along(ray_B)[:2]
-        return self.surface.meet(
-            self.centre_B + distance * ray_B,
-            n_B / np.linalg.norm(n_B),
-            planes_B,
-            planes_B @ self.centre_B,
-        )
+        ahead, aside = pattern.towards_robot(self.skin)
+        axes_N = np.stack([[*ahead, 0.0], [*aside, 0.0], [0.0, 0.0, 1.0]])
+        rays_B = se3.rotate(self.skin.X_AN, rays @ axes_N)
+        return pattern.path_on(self.skin, self.skin.chart(self.skin.centre + rays_B), closed=closed)
 
 
 def loops(dome: Dome, polar_angles: Float[np.ndarray, "k"], points: int) -> list[Path]:

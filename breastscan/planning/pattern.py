@@ -1,35 +1,36 @@
-"""Scan paths on the reconstructed skin: the loop at half height of the breast [Zhang, Sec. III-D,
-Figs. 13, 14].
+"""Scan paths on the skin: the loop at half height of the breast [Zhang, Sec. III-D, Figs. 13, 14].
 
-Every point of a path, and its normal, come from a quadratic patch fitted to the cloud around it
-(`planning.patch`): the path lies on the skin although the points of the cloud do not.
+Every point of a path, and its normal, are the skin's own (`geometry.skin`); a path never crosses
+skin that was not seen.
 """
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.nurbs import Nurbs
 from breastscan.geometry.plane import Plane
-from breastscan.planning.patch import MlsSurface
+from breastscan.geometry.skin import REACH, Skin
 
-TRACED_POINTS = 60
-"""Points of the loop, even in azimuth, from which the evenly spaced ones are chosen."""
-SEED_POINTS = 12
-"""Points of the cloud, nearest in azimuth, whose mean starts the search for a point of the loop."""
-TOP_FRACTION = 0.01
-"""Fraction of the points, the highest ones, among which the top of the breast is sought."""
-TOP_PATCHES = 40
-"""Patches fitted there."""
-TOP_RADIUS = 0.006
-"""Reach of these patches [m]: they must follow a nipple."""
-TOP_POINTS = 24
-"""Points that they must have: they reach farther where the cloud is thin."""
+TRACED_POINTS = 180
+"""Points of the loop, even in azimuth about the top, from which the evenly spaced ones are
+chosen."""
+TRACE_STEP = 0.02
+"""Step along an azimuth in search of the loop's height [rad in the chart]."""
+TRACE_HALVINGS = 24
+"""Of such a step: to a nanometre."""
+TOP_REACH = 1.2
+"""Angle from the chart's axis within which the top is sought [rad]."""
+TOP_STEPS = (0.03, 0.004, 0.0005)
+"""Spacings of the grids on which it is sought, one around the best of that before [rad]."""
+SECTOR_DEG = 10
+"""Width of the sectors in which missing skin is told."""
+TOP_STEPS_ASIDE = 10
+"""Steps to each side of the finer grids."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +41,6 @@ class PatternConfig:
     """Points of the loop, evenly spaced [Zhang, Sec. V-B.1]."""
     height_fraction: float = 0.5
     """Height of the loop as a fraction of the breast's height above the chest plate [-]."""
-    patch_radius: float = 0.016
-    """Reach of the local fits [m]: greater averages more noise, smaller follows finer shape."""
-    largest_gap: float = 0.5
-    """Angle without any point, seen from the centre of the loop, that is bridged [rad]."""
     smallest_radius: float = 0.015
     """Radius below which a loop is not scanned [m]."""
 
@@ -90,54 +87,60 @@ class Path:
         return Nurbs.interpolate(self.normals_B, closed=self.closed, parameters=u)
 
 
-def half_height_loop(
-    points_B: Float[np.ndarray, "n 3"],
-    normals_B: Float[np.ndarray, "n 3"],
-    plate: Plane,
-    config: PatternConfig,
-) -> Path:
+def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig) -> Path:
     """The closed loop round the breast at `config.height_fraction` of its height above the chest
     plate.
 
-    It starts on the side that is nearest to the robot and runs counter-clockwise about the plate's
-    normal.
+    It starts on the side that is nearest to the robot and runs counter-clockwise about the skin's
+    axis.
 
     Args:
-        points_B: The reconstructed skin in B [m].
-        normals_B: Unit normals there, outwards.
-        plate: Where the breast's height counts from.
-        config: Number of points, height, reach of the local fits.
+        skin: The breast's, in B.
+        plate: Where heights count from, in B.
+        config: Number of points, height, smallest radius.
 
     Raises:
-        PlanningError: The loop is too small or does not close, or the skin has a hole on its way.
+        PlanningError: The loop is too small, or crosses skin that was not seen.
     """
-    surface = MlsSurface(points_B=points_B, normals_B=normals_B, radius=config.patch_radius)
-    return level_loop(surface, plate, config.height_fraction * top_height(surface, plate), config)
+    top_ab = top(skin, plate)
+    height = float(plate.heights(skin.points(top_ab[None]))[0])
+    return level_loop(skin, plate, config.height_fraction * height, config)
 
 
-def top_height(surface: MlsSurface, plate: Plane) -> float:
-    """Height of the breast's top, the nipple's tip, above the plate [m].
+def top(skin: Skin, plate: Plane) -> Float[np.ndarray, "2"]:
+    """Where the breast's top is, the nipple's tip, in the skin's chart [rad].
 
-    Small patches at some of the highest points: noise does not raise them, nor does the breast
-    below lower them.
+    Raises:
+        PlanningError: It was not seen.
     """
-    heights = plate.heights(surface.points_B)
-    highest = np.argsort(heights)[-max(math.ceil(TOP_FRACTION * len(heights)), TOP_PATCHES) :]
-    some_B = surface.points_B[highest[:: math.ceil(len(highest) / TOP_PATCHES)]]
-    reach = float(surface.tree.query(some_B, TOP_POINTS)[0].max())
-    summit = replace(surface, radius=max(TOP_RADIUS, reach))
-    grid = np.linspace(-summit.radius / 4, summit.radius / 4, 9)
-    xy = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    patches = [summit.patch(p_B, plate.normal) for p_B in some_B]
-    best = max(patches, key=lambda patch: float(plate.heights(patch.point(np.zeros(2))[None])[0]))
-    return float(plate.heights(best.origin_B[None])[0] + best.heights(xy).max())
+    best, aside = np.zeros(2), round(TOP_REACH / TOP_STEPS[0])
+    for step in TOP_STEPS:
+        side = step * np.arange(-aside, aside + 1)
+        ab = best + np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        ab = ab[skin.known(ab)]
+        if not len(ab):
+            break
+        best = ab[np.argmax(plate.heights(skin.points(ab)))]
+        aside = TOP_STEPS_ASIDE
+    if not skin.known(best[None])[0]:
+        raise PlanningError(
+            "no skin was seen where the top of the breast must be: move the cameras until both see "
+            "the nipple",
+            best,
+        )
+    return best
 
 
-def level_loop(surface: MlsSurface, plate: Plane, height: float, config: PatternConfig) -> Path:
-    """The closed loop round the breast at `height` [m] above the plate."""
-    ring = _Ring.around(surface, plate, height, config)
-    azimuths = 2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS
-    traced_B = np.stack([ring.trace(azimuth)[0] for azimuth in azimuths])
+def level_loop(skin: Skin, plate: Plane, height: float, config: PatternConfig) -> Path:
+    """The closed loop round the breast at `height` [m] above the plate.
+
+    Raises:
+        PlanningError: It is too small, or crosses skin that was not seen.
+    """
+    level = _Level.around(skin, plate, height)
+    traced_ab = level.trace(2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS)
+    _require_known(skin, traced_ab, skin.known(traced_ab), f"the loop at {height * 1e3:.0f} mm")
+    traced_B = skin.points(traced_ab)
     radius = float(np.linalg.norm(traced_B - traced_B.mean(axis=0), axis=1).min())
     if radius < config.smallest_radius:
         raise PlanningError(
@@ -150,97 +153,101 @@ def level_loop(surface: MlsSurface, plate: Plane, height: float, config: Pattern
     even_B = curve.evaluate(
         curve.parameter(curve.length * np.arange(config.points) / config.points)
     )
-    points_B, normals_B = zip(
-        *(ring.trace(azimuth) for azimuth in ring.azimuths(even_B)), strict=True
-    )
-    return Path(points_B=np.stack(points_B), normals_B=np.stack(normals_B))
+    return _on_skin(skin, level.trace(level.azimuths(even_B)), closed=True)
+
+
+def path_on(skin: Skin, ab: Float[np.ndarray, "n 2"], *, closed: bool) -> Path:
+    """The path through places of the skin's chart.
+
+    Raises:
+        PlanningError: Skin was not seen at one of them.
+    """
+    _require_known(skin, ab, skin.known(ab), "the path")
+    return _on_skin(skin, ab, closed=closed)
+
+
+def _on_skin(skin: Skin, ab: Float[np.ndarray, "n 2"], *, closed: bool) -> Path:
+    return Path(points_B=skin.points(ab), normals_B=skin.normals(ab), closed=closed)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Ring:
-    """The part of the surface around one height, and polar coordinates about its centre."""
+class _Level:
+    """The skin at one height, by azimuth about the top."""
 
-    surface: MlsSurface
+    skin: Skin
     plate: Plane
     height: float
-    centre_B: np.ndarray
+    top_ab: np.ndarray
     axes: np.ndarray
-    """Rows in basis B: azimuth 0 (towards the robot), azimuth 90 degrees, the plate's normal."""
-    band: np.ndarray
-    """Indices of the surface's points near the height."""
-    band_azimuths: np.ndarray
+    """Rows in the chart: azimuth 0 (towards the robot), azimuth 90 degrees."""
 
     @staticmethod
-    def around(surface: MlsSurface, plate: Plane, height: float, config: PatternConfig) -> "_Ring":
-        heights = plate.heights(surface.points_B)
-        band = np.flatnonzero(np.abs(heights - height) < config.patch_radius / 2)
-        if len(band) < TRACED_POINTS:
-            raise PlanningError(
-                f"only {len(band)} points lie near the height of {height * 1e3:.0f} mm above the "
-                f"chest plate, a loop needs {TRACED_POINTS}: check that the cameras see the breast "
-                "and that the plate's height is right",
-                len(band),
-            )
-        axes = plate_axes(plate, surface.points_B[band].mean(axis=0))
-        centre_B = _circle_centre(surface.points_B[band], axes)
-        azimuths = _azimuths(surface.points_B[band], centre_B, axes)
-        _check_gaps(azimuths, config.largest_gap)
-        return _Ring(
-            surface=surface,
+    def around(skin: Skin, plate: Plane, height: float) -> "_Level":
+        return _Level(
+            skin=skin,
             plate=plate,
             height=height,
-            centre_B=centre_B,
-            axes=axes,
-            band=band,
-            band_azimuths=azimuths,
+            top_ab=top(skin, plate),
+            axes=towards_robot(skin),
         )
 
     def azimuths(self, p_B: np.ndarray) -> np.ndarray:
-        return _azimuths(p_B, self.centre_B, self.axes)
+        x, y = ((self.skin.chart(p_B) - self.top_ab) @ self.axes.T).T
+        return np.arctan2(y, x)
 
-    def trace(self, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
-        """The skin's point at this azimuth and the ring's height, and its normal."""
-        apart = np.abs(np.angle(np.exp(1j * (self.band_azimuths - azimuth))))
-        seeds = self.band[np.argpartition(apart, SEED_POINTS)[:SEED_POINTS]]
-        p_B = self.surface.points_B[seeds].mean(axis=0)
-        n_B = self.surface.normals_B[seeds].mean(axis=0)
-        sideways_B = -math.sin(azimuth) * self.axes[0] + math.cos(azimuth) * self.axes[1]
-        planes_B = np.stack([self.axes[2], sideways_B])
-        offsets = np.array([self.plate.offset + self.height, self.centre_B @ sideways_B])
-        return self.surface.meet(p_B, n_B / np.linalg.norm(n_B), planes_B, offsets)
+    def trace(self, azimuths: np.ndarray) -> np.ndarray:
+        """Where the skin first comes down to the height, from the top outwards, in the chart."""
+        out = np.column_stack([np.cos(azimuths), np.sin(azimuths)]) @ self.axes
+        steps = TRACE_STEP * np.arange(int(2 * REACH / TRACE_STEP))
+        ab = self.top_ab + steps[:, None, None] * out
+        below = self._below(ab.reshape(-1, 2)).reshape(len(steps), -1)
+        below[-1] = True  # the chart's end is no place for a loop, and not known
+        far = steps[np.argmax(below, axis=0)]
+        near = far - TRACE_STEP
+        for _ in range(TRACE_HALVINGS):
+            middle = (near + far) / 2
+            is_below = self._below(self.top_ab + middle[:, None] * out)
+            far, near = np.where(is_below, middle, far), np.where(is_below, near, middle)
+        return self.top_ab + far[:, None] * out
+
+    def _below(self, ab: np.ndarray) -> np.ndarray:
+        return self.plate.heights(self.skin.points(ab)) < self.height
 
 
-def plate_axes(plate: Plane, centre_B: np.ndarray) -> np.ndarray:
-    """Rows: towards the robot along the plate, across, and the plate's normal."""
-    towards_B = -(centre_B - plate.normal * (plate.normal @ centre_B))
-    towards_B /= np.linalg.norm(towards_B)
-    return np.stack([towards_B, np.cross(plate.normal, towards_B), plate.normal])
+def towards_robot(skin: Skin) -> Float[np.ndarray, "2 2"]:
+    """Directions in the chart of a skin in B, as rows: towards the robot, and a quarter turn on."""
+    x, y = -(skin.X_AN[:3, :2].T @ skin.centre)
+    towards = np.array([x, y]) / np.hypot(x, y)
+    return np.stack([towards, [-towards[1], towards[0]]])
 
 
-def _circle_centre(p_B: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Centre of the circle through the points as the plate sees them: uneven density does not
-    move it.
+def _require_known(
+    skin: Skin, ab: Float[np.ndarray, "n 2"], known: Bool[np.ndarray, "n"], what: str
+) -> None:
+    """Refuse a way over skin that was not seen.
+
+    Raises:
+        PlanningError: Some of it was not.
     """
-    local = p_B @ axes.T
-    A = np.column_stack([2.0 * local[:, :2], np.ones(len(local))])
-    x, y, _ = np.linalg.lstsq(A, np.sum(local[:, :2] ** 2, axis=1), rcond=None)[0]
-    return np.array([x, y, local[:, 2].mean()]) @ axes
+    if known.all():
+        return
+    unknown_B = skin.points(ab[~known])
+    x, y = (ab[~known] @ towards_robot(skin).T).T
+    sectors = _sectors(np.degrees(np.arctan2(y, x)))
+    raise PlanningError(
+        f"no skin was seen over {np.mean(~known):.0%} of {what}: {sectors} (0 degrees is towards "
+        "the robot, counter-clockwise), first near "
+        f"{np.round(unknown_B[0] * 1e3).astype(int).tolist()} mm in B: move the cameras, the light "
+        "or the phantom so that all of it is seen",
+        unknown_B,
+    )
 
 
-def _azimuths(p_B: np.ndarray, centre_B: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    x, y, _ = ((p_B - centre_B) @ axes.T).T
-    return np.arctan2(y, x)
-
-
-def _check_gaps(azimuths: np.ndarray, largest: float) -> None:
-    ordered = np.sort(azimuths)
-    gaps = np.diff(np.append(ordered, ordered[0] + 2.0 * np.pi))
-    widest = int(np.argmax(gaps))
-    if gaps[widest] > largest:
-        raise PlanningError(
-            f"the loop does not close: no skin was seen over {np.degrees(gaps[widest]):.0f} "
-            f"degrees, from {np.degrees(ordered[widest]):.0f} degrees on (0 is towards the robot, "
-            f"counter-clockwise), and only {np.degrees(largest):.0f} are bridged: move the "
-            "cameras, the light or the phantom so that all sides are seen",
-            float(gaps[widest]),
-        )
+def _sectors(azimuths_deg: Float[np.ndarray, "n"]) -> str:
+    """Azimuths as a list of the sectors that hold them."""
+    whole = np.unique(np.floor(azimuths_deg / SECTOR_DEG).astype(int) % (360 // SECTOR_DEG))
+    starts = whole[np.diff(whole, prepend=-2) > 1]
+    ends = whole[np.diff(whole, append=10**6) > 1] + 1
+    return ", ".join(
+        f"{SECTOR_DEG * a} to {SECTOR_DEG * b} degrees" for a, b in zip(starts, ends, strict=True)
+    )

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from breastscan.camera.interface import StereoPair
+from breastscan.cloud import skin_fit
 from breastscan.commands.plan import ABOVE_TABLE
 from breastscan.errors import BreastScanError
 from breastscan.execution import execute
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.plane import Plane
+from breastscan.geometry.skin import Skin
 from breastscan.planning import motion, pattern
 from breastscan.planning.motion import Motion
 from breastscan.robot.ur import ur5e
@@ -124,8 +126,13 @@ def perceived(c: Everything) -> Any:
 
 
 @cache
+def skin() -> Skin:
+    return skin_fit.fit_cloud(*dome(), PLATE)
+
+
+@cache
 def loop_of(config: pattern.PatternConfig) -> pattern.Path:
-    return pattern.half_height_loop(*dome(), PLATE, config)
+    return pattern.half_height_loop(skin(), PLATE, config)
 
 
 def planned(c: Everything) -> Any:

@@ -43,7 +43,6 @@ VALUES: dict[str, Any] = {
     "perception.refine.largest_change_px": 0.05,
     "perception.refine.jump_px": 0.3,
     "perception.refine.largest_sigma_px": 0.02,
-    "planning.pattern.largest_gap": 1e-3,
     "planning.pattern.smallest_radius": 0.2,
     "planning.feedrate.normal_acceleration": 5e-3,
     "planning.feedrate.chord_error": 1e-9,

@@ -81,12 +81,12 @@ class GreyLevels:
         with no slope.
         """
         value, slope = np.empty_like(disparity), np.empty_like(disparity)
-        _evaluate_rows(self.right_splines, self.row, self.column, disparity, value, slope)
+        evaluate_rows(self.right_splines, self.row, self.column, disparity, value, slope)
         return value, slope
 
 
 @kernel
-def _evaluate_rows(splines, row, column, disparity, value, slope):
+def evaluate_rows(splines, row, column, disparity, value, slope):
     """Cubic B-splines along rows, at column - disparity; compiled, since NumPy's temporaries
     cost ten times as much.
     """
