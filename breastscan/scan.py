@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,8 @@ from breastscan.run.writing import (
     write_path,
     write_settings,
 )
+from breastscan.tissue import drag
+from breastscan.tissue.drag import TissueConfig
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.disparity_picture import disparity_picture
@@ -82,6 +84,7 @@ class PlanningConfig:
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
     joints: JointPathConfig = field(default_factory=lambda: JointPathConfig(floor=0.25))
     """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
+    tissue: TissueConfig = field(default_factory=TissueConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -402,6 +405,10 @@ def plan_scan(
             clearances=clearances, calibration=robot.calibration,
         )  # fmt: skip
         hidden = motion.hidden_speed(path, planned, feed, config.feedrate, robot.period)
+    with stages.stage("drag"):
+        X_BP = robot.calibration.forward(planned.q) @ robot.X_FP
+        drag_B = drag.along_path(points_B, plate, X_BP, planned.s, config.tissue)
+        planned = replace(planned, drag_B=drag_B)
     return ScanPlan(
         points_B=points_B,
         normals_B=normals_B,

@@ -9,7 +9,7 @@ import skfem
 from jaxtyping import Float
 
 from breastscan.geometry import se3
-from sim.tissue.mesh import mesh_phantom
+from breastscan.tissue.mesh import mesh_breast
 from sim.tissue.phantom import Phantom
 
 COARSE_POINTS = 400
@@ -29,7 +29,7 @@ def local_mesh(phantom: Phantom, X_SP: Float[np.ndarray, "4 4"], finest: float) 
     """
     # it tells of every copy that refining makes
     logging.getLogger("skfem.mesh.mesh").setLevel(logging.ERROR)
-    coarse = mesh_phantom(phantom, COARSE_POINTS)
+    coarse = mesh_breast(phantom.embed, COARSE_POINTS)
     mesh = skfem.MeshTet(
         np.ascontiguousarray(coarse.direction.T), np.ascontiguousarray(coarse.tetrahedra.T)
     )

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 UNDER = {"geometry", "checks", "errors", "servo", "settings"}
 """What every room may import."""
-STAGES = ("vision", "cloud", "planning", "control", "robot", "camera")
+STAGES = ("vision", "cloud", "planning", "tissue", "control", "robot", "camera")
 """Stages never import one another, but may the files of a run."""
 ALL_STAGES = {*UNDER, *STAGES, "run"}
 PRODUCT = {

@@ -13,16 +13,15 @@ import scipy.sparse
 import skfem
 from jaxtyping import Float, Float32, Int
 from skfem.helpers import ddot, dot, sym_grad, trace
-from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_limits
 
 from breastscan.errors import ConfigError
+from breastscan.tissue.elements import ClampedBody, quadratic_elements, skin_facets, stiffness
+from breastscan.tissue.mesh import TetMesh, mesh_breast
 from sim.tissue import half_space
 from sim.tissue.half_space import Loads
 from sim.tissue.layers import SKIN_THICKNESS, modulus_ratio
-from sim.tissue.mesh import TetMesh, mesh_phantom
 from sim.tissue.phantom import Phantom
-from sim.tissue.sparse_cholesky import SparseCholesky
 
 Tell = Callable[[float, str], None]
 
@@ -80,29 +79,24 @@ def compute_compliance(
     """
     tell = progress or (lambda _fraction, _what: None)
     tell(0.0, "meshing the tissue")
-    mesh = mesh_phantom(phantom, skin_points)
+    mesh = mesh_breast(phantom.embed, skin_points)
     skin = np.nonzero(mesh.skin & (mesh.direction[:, 2] > 0))[0]
-    vertices_S, normals_S = mesh.nodes_S[skin], phantom.normal(mesh.direction[skin])
-    basis = skfem.Basis(
-        skfem.MeshTet(
-            np.ascontiguousarray(mesh.nodes_S.T), np.ascontiguousarray(mesh.tetrahedra.T)
-        ),
-        skfem.ElementVector(skfem.ElementTetP2()),
-        intorder=2,
-    )
-    facets = _skin_facets(basis, mesh)
+    vertices_S, normals_S = mesh.nodes[skin], phantom.normal(mesh.direction[skin])
+    basis = quadratic_elements(mesh)
+    facets = skin_facets(basis, mesh)
     forces, loads = _loads(basis, facets, skin, normals_S)
     poisson, layered = phantom.config.poisson, phantom.config.layers.present
     tell(0.1, "solving the tissue's elasticity")
     # the fronts are small, and threads that wait for each other cost more than they bring
     with threadpool_limits(1):
-        response_S = _respond(basis, _stiffness(basis, phantom, layered=False), forces, mesh)
+        response_S = _respond(basis, mesh, stiffness(basis, poisson), forces, skin)
         plain = _inward(response_S, normals_S)
         remainder = half_space.smooth_remainder(plain, vertices_S, normals_S, loads, poisson)
         if layered:
             tell(0.5, "solving the elasticity of the layers")
-            stiffness = _stiffness(basis, phantom, layered=True) + _membrane(basis, facets, phantom)
-            response_S = _respond(basis, stiffness, forces, mesh)
+            ratio = _modulus_ratio(basis, phantom)
+            with_layers = stiffness(basis, poisson, ratio) + _membrane(basis, facets, phantom)
+            response_S = _respond(basis, mesh, with_layers, forces, skin)
             by_layers = _inward(response_S, normals_S) - plain
             remainder += (by_layers + by_layers.T) / 2
     tell(1.0, "solving the tissue's elasticity")
@@ -116,29 +110,13 @@ def compute_compliance(
     )
 
 
-def _skin_facets(basis: skfem.Basis, mesh: TetMesh) -> Int[np.ndarray, "k"]:
-    facets = basis.mesh.boundary_facets()
-    return facets[mesh.skin[np.asarray(basis.mesh.facets)[:, facets]].all(axis=0)]
-
-
-def _stiffness(basis: skfem.Basis, phantom: Phantom, *, layered: bool) -> scipy.sparse.csr_array:
-    """Stiffness of the solid for a Young's modulus of 1 Pa."""
+def _modulus_ratio(basis: skfem.Basis, phantom: Phantom) -> Float[np.ndarray, "e q"]:
+    """Young's modulus over the fat's at the elements' quadrature points."""
     points_S = np.moveaxis(np.asarray(basis.global_coordinates()), 0, -1)
-    ratio = np.ones(points_S.shape[:-1])
-    if layered:
-        _require_seen(phantom, points_S)
-        ratio = modulus_ratio(
-            phantom.config.layers, phantom.inverse_map(points_S), points_S, phantom.radius
-        )
-    first, second = lame_parameters(1.0, phantom.config.poisson)
-
-    def energy(u, v, w):
-        strain = sym_grad(u)
-        return w.ratio * (
-            2 * second * ddot(strain, sym_grad(v)) + first * trace(strain) * trace(sym_grad(v))
-        )
-
-    return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(basis, ratio=ratio))
+    _require_seen(phantom, points_S)
+    return modulus_ratio(
+        phantom.config.layers, phantom.inverse_map(points_S), points_S, phantom.radius
+    )
 
 
 def _require_seen(phantom: Phantom, points_S: Float[np.ndarray, "*n 3"]) -> None:
@@ -204,20 +182,13 @@ def _loads(
 
 def _respond(
     basis: skfem.Basis,
+    mesh: TetMesh,
     stiffness: scipy.sparse.csr_array,
     forces: Float[np.ndarray, "d n"],
-    mesh: TetMesh,
+    skin: Int[np.ndarray, "n"],
 ) -> Float[np.ndarray, "n n 3"]:
     """Displacement of every vertex of the skin for every load [m]: [load, vertex, axis]."""
-    by_node = np.concatenate([np.asarray(basis.nodal_dofs), np.asarray(basis.edge_dofs)], axis=1).T
-    points_S = basis.doflocs[:, by_node[:, 0]].T
-    on_chest = mesh.direction[:, 2] == 0
-    free = ~np.append(on_chest, on_chest[np.asarray(basis.mesh.edges)].all(axis=0))
-    skin = np.nonzero(mesh.skin & ~on_chest)[0]
-    unknowns = by_node[free].ravel()
-    moved = SparseCholesky(stiffness[unknowns][:, unknowns], points_S[free]).solve(forces[unknowns])
-    displacement = moved.reshape(-1, 3, forces.shape[1])[(np.cumsum(free) - 1)[skin]]
-    return displacement.transpose(2, 0, 1)
+    return ClampedBody(basis, mesh, stiffness).displace(forces)[skin].transpose(2, 0, 1)
 
 
 def _inward(

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 
+from breastscan.tissue.mesh import mesh_breast
 from sim.tissue.compliance import SkinCompliance, compute_compliance
 from sim.tissue.layers import SKIN_THICKNESS, TRANSITION
-from sim.tissue.mesh import mesh_phantom
 from sim.tissue.phantom import Phantom
 
 FORMAT = 2
@@ -47,9 +47,9 @@ def _key(phantom: Phantom, skin_points: int) -> str:
     """Hash of all that the compliance of a breast with a radius of 1 m depends on: its mesh and
     its tissues.
     """
-    mesh = mesh_phantom(phantom, skin_points)
+    mesh = mesh_breast(phantom.embed, skin_points)
     digest = hashlib.sha256(repr((FORMAT, phantom.config.poisson, *_layers(phantom))).encode())
-    digest.update(np.round(mesh.nodes_S / phantom.radius, DECIMALS).tobytes())
+    digest.update(np.round(mesh.nodes / phantom.radius, DECIMALS).tobytes())
     digest.update(mesh.tetrahedra.tobytes())
     return digest.hexdigest()[:16]
 

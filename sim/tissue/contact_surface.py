@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.spatial import KDTree
 
+from breastscan.tissue.mesh import half_shell
 from sim.tissue import half_space
 from sim.tissue.compliance import SkinCompliance
 from sim.tissue.contact_kernel import enclosing_balls
 from sim.tissue.interpolation import interpolation_matrix, interpolation_weights
-from sim.tissue.mesh import half_shell
 from sim.tissue.phantom import Phantom
 
 SPACING = 0.0023

@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from breastscan.errors import ConfigError, RobotError
+from breastscan.tissue.mesh import mesh_breast, skin_triangles
 from sim.tissue.contact import Contact, ContactPatch, with_motion
 from sim.tissue.interpolation import interpolation_matrix, interpolation_weights
-from sim.tissue.mesh import mesh_phantom, skin_triangles
 from sim.tissue.phantom import Phantom
 from sim.wrist.probe import lens
 from sim.wrist.probe_face import ProbeFace
@@ -69,20 +69,20 @@ class FlexTissue:
                 phantom.config,
             )
         self._phantom = phantom
-        mesh = mesh_phantom(phantom, SKIN_POINTS)
+        mesh = mesh_breast(phantom.embed, SKIN_POINTS)
         self._skin = np.flatnonzero(mesh.skin)
-        self._undeformed_S = mesh.nodes_S[self._skin]
+        self._undeformed_S = mesh.nodes[self._skin]
         self._normals_S = phantom.normal(mesh.direction[self._skin])
         near, weights = interpolation_weights(
             mesh.direction[self._skin], phantom.inverse_map(phantom.skin.vertices_S)
         )
         weights[phantom.skin.vertices_S[:, 2] == 0] = 0.0
-        corners_S = mesh.nodes_S[skin_triangles(mesh)]
+        corners_S = mesh.nodes[skin_triangles(mesh)]
         across_S = np.cross(corners_S[:, 1] - corners_S[:, 0], corners_S[:, 2] - corners_S[:, 0])
         self._area = float(np.linalg.norm(across_S, axis=1).sum() / 2 / len(self._skin))
         self._to_skin = interpolation_matrix(near, weights, len(self._skin))
         self._model = mujoco.MjModel.from_xml_string(
-            _description(phantom, mesh.nodes_S, mesh.tetrahedra)
+            _description(phantom, mesh.nodes, mesh.tetrahedra)
         )
         self._data = mujoco.MjData(self._model)
         self._face = self._model.geom("face").id

@@ -158,3 +158,22 @@ def test_a_path_that_cannot_be_left_along_the_probes_axis_is_refused_with_its_pl
         PlanningError, match="0 mm along the path the probe cannot be lifted by 1500 mm"
     ):
         far.require_lift(X_FP, arm)
+
+
+def test_the_drag_grows_with_the_indentations_power_and_is_linear_between_rows(planned):
+    drag_B = np.linspace(0.0, 1.0, len(planned.q))[:, None] * np.array([1.0, -2.0, 0.5])
+    dragging = dataclasses.replace(planned, drag_B=drag_B)
+    between = 0.75 * drag_B[10] + 0.25 * drag_B[11]
+    np.testing.assert_allclose(dragging.drag_at(10.25, 0.004), 0.004**1.5 * between)
+    last = float(len(planned.q) - 1)
+    np.testing.assert_allclose(dragging.drag_at(last, 0.01), 0.01**1.5 * drag_B[-1])
+
+
+@pytest.mark.parametrize("indentation", [0.0, -0.02])
+def test_off_the_skin_nothing_is_dragged(planned, indentation):
+    dragging = dataclasses.replace(planned, drag_B=np.ones((len(planned.q), 3)))
+    np.testing.assert_array_equal(dragging.drag_at(3.0, indentation), 0.0)
+
+
+def test_without_a_model_of_the_tissue_nothing_is_dragged(planned):
+    np.testing.assert_array_equal(planned.drag_at(3.0, 0.006), 0.0)

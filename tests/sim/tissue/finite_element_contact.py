@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.sparse.linalg import splu
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from sim.tissue.mesh import mesh_phantom
+from breastscan.tissue.mesh import mesh_breast
 from sim.tissue.phantom import Phantom
 from sim.wrist.probe_face import ProbeFace, distance
 
@@ -28,8 +28,8 @@ def finite_element_force(
     phantom: Phantom, skin_points: int, face: ProbeFace, X_SP: Float[np.ndarray, "4 4"]
 ) -> Float[np.ndarray, "3"]:
     """Force on the probe in S [N]."""
-    mesh = mesh_phantom(phantom, skin_points)
-    tets = skfem.MeshTet(mesh.nodes_S.T.copy(), mesh.tetrahedra.T.copy())
+    mesh = mesh_breast(phantom.embed, skin_points)
+    tets = skfem.MeshTet(mesh.nodes.T.copy(), mesh.tetrahedra.T.copy())
     basis = skfem.Basis(tets, skfem.ElementVector(skfem.ElementTetP2()), intorder=2)
     stiffness = (
         linear_elasticity(*lame_parameters(phantom.config.young, phantom.config.poisson))

@@ -1,17 +1,15 @@
-"""A graded tetrahedral mesh of the phantom, without a mesher.
+"""A graded tetrahedral mesh of a breast, without a mesher.
 
 Points on concentric half-shells of the unit half-ball, Delaunay's tetrahedra between them, the
-phantom's smooth map. The spacing is finest on the skin and grows inwards, where nothing varies
-fast.
+shape's smooth map. The spacing is finest on the skin and grows inwards, where nothing varies fast.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import Delaunay
-
-from sim.tissue.phantom import Phantom
 
 GROWTH = 1.45
 """Ratio of the spacings of neighbouring shells [-]."""
@@ -23,28 +21,37 @@ FLAT = 1e-3
 """A tetrahedron of a smaller volume than this fraction of its longest edge cubed is a sliver of
 coplanar points [-]."""
 
+Embed = Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n 3"]]
+"""A breast's shape: points of the unit half-ball z >= 0 mapped into it [m]. Points at distance 1
+become the skin, those with z = 0 lie on the chest."""
+
 
 @dataclass(frozen=True)
 class TetMesh:
-    """Tetrahedra of the undeformed phantom, and which of their corners lie on the skin."""
+    """Tetrahedra of the undeformed breast, and which of their corners lie on the skin."""
 
-    nodes_S: Float[np.ndarray, "n 3"]
-    """Corners [m]."""
+    nodes: Float[np.ndarray, "n 3"]
+    """Corners, in the shape's own frame [m]."""
     tetrahedra: Int[np.ndarray, "m 4"]
     direction: Float[np.ndarray, "n 3"]
     """The corners in the unit half-ball."""
     skin: Bool[np.ndarray, "n"]
     """Corners on the skin, its clamped border included."""
 
+    @property
+    def clamped(self) -> Bool[np.ndarray, "n"]:
+        """Corners on the chest."""
+        return self.direction[:, 2] == 0
 
-def mesh_phantom(phantom: Phantom, skin_points: int) -> TetMesh:
-    """Mesh the phantom with about `skin_points` points on its skin."""
+
+def mesh_breast(embed: Embed, skin_points: int) -> TetMesh:
+    """Mesh a shape with about `skin_points` points on its skin."""
     shells = _half_shells(np.sqrt(2 * np.pi / skin_points / (np.sqrt(3) / 2)))
     ball = np.concatenate(shells)
     skin = np.arange(len(ball)) < len(shells[0])
-    nodes_S = phantom.embed(ball)
+    nodes = embed(ball)
     tetrahedra = _drop_slivers(ball, Delaunay(ball).simplices.astype(np.int64))
-    return TetMesh(nodes_S, tetrahedra, ball, skin)
+    return TetMesh(nodes, tetrahedra, ball, skin)
 
 
 def skin_triangles(mesh: TetMesh) -> Int[np.ndarray, "k 3"]:
