@@ -29,6 +29,9 @@ MAX_PASSES = 4
 periods changed."""
 SLACK = 1.001
 """How much slower than needed, so that rounding breaks no limit."""
+DRAG_EXPONENT = 1.5
+"""Power of the indentation that the touched skin's sideways motion grows with [-]: it is
+proportional to the force, and a rounded body's contact force to this power of the depth (Hertz)."""
 LIFT_STEP = 25
 """Rows from one check of the lifted pose to the next: 1.25 mm at 25 mm/s."""
 
@@ -52,12 +55,31 @@ class Motion:
     point."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
+    drag_B: Float[np.ndarray, "n 3"] | None = None
+    """What `drag_at` multiplies by the indentation's power, across the probe axis [m^-1/2]; None
+    where no tissue was modelled."""
 
     def at(self, row: float) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] at a row, with a fraction."""
         first = int(row)
         second = min(first + 1, len(self.q) - 1)
         return self.q[first] + (row - first) * (self.q[second] - self.q[first])
+
+    def drag_at(self, row: float, indentation: float) -> Float[np.ndarray, "3"]:
+        """How far pressing moves the skin under the tip across the probe axis, in B [m].
+
+        The skin's point that was planned comes to be touched where the tip is displaced by as much.
+
+        Args:
+            row: Of the plan, with a fraction.
+            indentation: Depth of the tip below the undeformed skin [m]; 0 or less outside of it.
+        """
+        if self.drag_B is None or indentation <= 0:
+            return np.zeros(3)
+        first = int(row)
+        second = min(first + 1, len(self.q) - 1)
+        drag_B = self.drag_B[first] + (row - first) * (self.drag_B[second] - self.drag_B[first])
+        return indentation**DRAG_EXPONENT * drag_B
 
     def lifted(
         self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
