@@ -2,8 +2,9 @@
 V-B.2, Fig. 23].
 
 Every period the planned probe pose is shifted along its own axis by the depth that the force
-controller asks for (`control.contact`), and one Newton step of the inverse kinematics turns the
-shifted pose into joint targets, which the supervisor limits (`control.safety`). The arm follows its
+controller asks for (`control.contact`), and across it as breath and drag move the skin there
+(`control.across`); one Newton step of the inverse kinematics turns the shifted pose into joint
+targets, which the supervisor limits (`control.safety`). The arm follows its
 targets late by a known time, so the plan is sent ahead by as much: the arm then is where the plan
 is. Whatever goes wrong ends in a retreat up the normal.
 """
@@ -17,7 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan import approach
-from breastscan.control import contact, monitor, phases, safety, selection, tilt
+from breastscan.control import across, contact, monitor, phases, safety, selection, tilt
+from breastscan.control.across import AcrossMemory, Pressed
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.lag import LagEstimate
 from breastscan.control.monitor import MonitorMemory, Observation
@@ -126,8 +128,8 @@ def _resumption(robot: Robot, start: int) -> Sample:
 class _Selected:
     """The pose of the probe for this period, and the joint target that takes it there."""
 
-    X_BP_plan: Float[np.ndarray, "4 4"]
-    """As planned."""
+    X_BP_reference: Float[np.ndarray, "4 4"]
+    """As planned, and moved across the probe axis."""
     X_BP: Float[np.ndarray, "4 4"]
     """As corrected by force and tilt."""
     command: JointCommand
@@ -166,11 +168,14 @@ class _Cycle:
         self._overspeed_time = 0.0
         self._lag = LagEstimate.resting(self._state.q, robot.servo.lag, robot.period)
         self._tilt = TiltMemory()
+        self._across = AcrossMemory()
         self._X_PF = se3.inverse(robot.X_FP)
         X_BP = robot.calibration.forward(motion.at(float(first_row))) @ robot.X_FP
-        self._planned_B = X_BP[:3, 3]
+        self._reference_B = X_BP[:3, 3]
+        self._axis_B = X_BP[:3, 2]
         self._R_BP = X_BP[:3, :3]
         self._velocity_B = np.zeros(3)
+        """Of the reference [m/s]."""
         tips_B = (robot.calibration.forward(motion.q) @ robot.X_FP)[:, :3, 3]
         self._workspace = Workspace.around(tips_B, motion.clearance + limits.workspace_margin)
 
@@ -230,16 +235,45 @@ class _Cycle:
             self._end(fault)
 
     def sense(self) -> None:
-        """Take the measurement in: the force, the skin and the tilt that follow from it."""
-        if self._escaping:
-            return
-        force = -float(self._state.wrench_P[2])
-        self._memory = contact.sense(self._memory, force, self.config, self.robot.period)
+        """Take the measurement in: the force, and what follows from it of skin, breath and tilt."""
+        period = self.robot.period
+        if not self._escaping:
+            force = -float(self._state.wrench_P[2])
+            self._memory = contact.sense(self._memory, force, self.config, period)
+        self._across = across.update(self._pressed(), self._across)
         if self._progress.phase in PRESSING:
-            fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
-            vx, vy, _ = (self._velocity_B @ self._R_BP).tolist()
-            drag = Drag((fx, fy, fz, my), (vx, vy), self._memory.noise, self.robot.period)
+            drag = Drag(self._wrench(), self._sliding(), self._memory.noise, period)
             self._tilt = tilt.update(drag, self._tilt, self.config.tilt)
+        else:
+            self._tilt = tilt.rest(self._tilt, self.config.tilt, period)
+
+    def _pressed(self) -> Pressed:
+        """What this period says about the skin."""
+        memory, chest_B = self._memory, self.motion.chest_normal_B
+        return Pressed(
+            self._progress.phase,
+            memory.servo.position,
+            memory.last,
+            memory.surface,
+            0.0 if chest_B is None else float(chest_B @ self._axis_B),
+            self._lag.lag,
+            self.robot.period,
+        )
+
+    def _wrench(self) -> tuple[float, float, float, float]:
+        """Forces, and the moment about y, at the tip in P [N, N m]."""
+        fx, fy, fz, _, my, _ = self._state.wrench_P.tolist()
+        return fx, fy, fz, my
+
+    def _sliding(self) -> tuple[float, float]:
+        """Velocity of the tip across the skin, which moves with the chest, in x and y of P
+        [m/s].
+        """
+        velocity_B = self._velocity_B
+        if self.motion.chest_normal_B is not None:
+            velocity_B = velocity_B - self._across.skin_rate * self.motion.chest_normal_B
+        vx, vy, _ = (velocity_B @ self._R_BP).tolist()
+        return vx, vy
 
     def supervise(self) -> None:
         """Is the skin where it was planned, and does it hold still?"""
@@ -287,10 +321,18 @@ class _Cycle:
         rows_ahead = progress.feed_override * self._lag.lag / self.robot.period
         ahead = min(progress.row + rows_ahead, float(self.section.last))
         arm = self.robot.calibration
-        X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
-        X_BP = selection.corrected(X_BP_plan, memory.depth, self._tilt.rx, self._tilt.ry)
-        q = arm.step(self._sent.q, X_BP @ self._X_PF)
-        return _Selected(X_BP_plan, X_BP, JointCommand(q, X_BP[:3, 3], memory.depth))
+        X_BP = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
+        X_BP[:3, 3] += self._shift(ahead, X_BP[:3, 2])
+        X_BP_sent = selection.corrected(X_BP, memory.depth, self._tilt.rx, self._tilt.ry)
+        q = arm.step(self._sent.q, X_BP_sent @ self._X_PF)
+        return _Selected(X_BP, X_BP_sent, JointCommand(q, X_BP_sent[:3, 3], memory.depth))
+
+    def _shift(self, row: float, axis_B: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """Across the probe axis, with breath and drag, at a row of the plan [m]."""
+        shift_B = self.motion.drag_at(row, self._across.indentation)
+        if self.motion.chest_normal_B is not None:
+            shift_B = shift_B + self._across.rise * self.motion.chest_normal_B
+        return shift_B - (shift_B @ axis_B) * axis_B
 
     def send(self, progress: Progress, memory: ContactMemory, selected: _Selected) -> None:
         """The command within the limits, to the robot; what was decided counts once it is taken."""
@@ -313,9 +355,11 @@ class _Cycle:
         self._progress = progress if self.error is None else phases.escape(progress, self._felt)
         self._state = self.robot.state()
         self._lag = self._lag.after(sent.q, self._state.q, self.robot.period)
-        planned_B = selected.X_BP_plan[:3, 3]
-        self._velocity_B = (planned_B - self._planned_B) / self.robot.period
-        self._planned_B, self._R_BP = planned_B, selected.X_BP[:3, :3]
+        reference_B = selected.X_BP_reference[:3, 3]
+        self._velocity_B = (reference_B - self._reference_B) / self.robot.period
+        self._reference_B = reference_B
+        self._axis_B = selected.X_BP_reference[:3, 2]
+        self._R_BP = selected.X_BP[:3, :3]
         self._note(progress, sent.q, touching=contact.touches(memory, self.config))
 
     def _step(self, now: Situation) -> tuple[Progress, PhaseCommand]:

@@ -414,6 +414,6 @@ def plan_scan(
         normals_B=normals_B,
         path=path,
         feed=feed,
-        motion=planned,
+        motion=replace(planned, chest_normal_B=plate.normal),
         hidden_speed=hidden,
     )

@@ -2,10 +2,11 @@
 
 import ast
 import inspect
+import math
 import re
 import signal
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.motion import Motion
 from breastscan.run.trajectory import Sample
+from breastscan.servo import Servo
 from tests.springs import PERIOD, X_FP, SpringRobot
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -334,3 +336,129 @@ def test_the_probe_is_lifted_up_its_axis_on_whatever_arm(motion, deviation):
     X_lifted[:3, 3] -= CLEARANCE * X_lifted[:3, 2]
     X_reached = arm.forward(motion.lifted(100, X_FP, arm)) @ X_FP
     np.testing.assert_allclose(X_reached, X_lifted, atol=1e-7)
+
+
+CHEST_B = np.array([math.sin(0.6), 0.0, math.cos(0.6)])
+"""The chest's outward normal, at .6 rad to the probe axis."""
+
+
+class SoftRobot(SpringRobot):
+    """A plane that is pressed as soft tissue is."""
+
+    def _wrench(self):
+        X_BP = kinematics.forward(self.q) @ self.X_FP
+        force = (480.0 * max(self.height - X_BP[2, 3], 0.0)) ** 1.5
+        return np.concatenate([X_BP[:3, :3].T @ [0.0, 0.0, force], np.zeros(3)])
+
+
+INDENTATION = 5.0 ** (2 / 3) / 480.0
+"""Of it, at 5 N [m]."""
+
+
+class BreathingRobot(SoftRobot):
+    """The plane moves along the chest's normal, and with it every point of the skin."""
+
+    def __init__(self, q, amplitude=0.004):
+        super().__init__(q, SKIN)
+        self.amplitude = amplitude
+        self.slid = []
+        """Where the tip is on the skin [m]."""
+
+    def rise(self):
+        return self.amplitude * (1.0 - math.cos(2.0 * math.pi * 0.25 * self.time))
+
+    def servo_joint(self, q):
+        self.height = SKIN + self.rise() * CHEST_B[2]
+        super().servo_joint(q)
+        tip_B = (kinematics.forward(self.q) @ self.X_FP)[:3, 3]
+        self.slid.append(tip_B[0] - self.rise() * CHEST_B[0])
+
+
+def test_the_probe_breathes_along_with_a_chest_that_moves_at_an_angle_to_its_axis(motion):
+    """Across the axis the chest moves by 4.5 mm."""
+    errors = {}
+    for chest_B in (None, CHEST_B):
+        robot, log = BreathingRobot(motion.q_approach), []
+        along = replace(motion, chest_normal_B=chest_B)
+        execution.execute(robot, along, DEFAULTS, SafetyLimits(), log=log)
+        table = scan_log.trajectory(log, motion, robot)
+        slid = np.array([np.nan, *robot.slid])[-len(table.in_loop) :][table.in_loop]
+        planned = table.X_BP_plan[table.in_loop, 0, 3]
+        errors[chest_B is None] = np.sqrt(np.mean((slid - planned) ** 2))
+        assert np.abs(loop_force(table) - 5.0).max() < 0.3
+    assert errors[False] < 1e-3
+    assert errors[True] > 2.5 * errors[False]
+
+
+def test_the_tip_goes_where_the_pressed_skin_is_dragged(motion):
+    """By a fifth of the indentation to the side, from the settled contact on."""
+    drag_B = np.tile([0.0, 0.2, 0.0], (len(motion.q), 1)) / math.sqrt(INDENTATION)
+    robot, log = SoftRobot(motion.q_approach, SKIN), []
+    dragged = replace(motion, drag_B=drag_B)
+    execution.execute(robot, dragged, DEFAULTS, SafetyLimits(), log=log)
+    table = scan_log.trajectory(log, motion, robot)
+    executed, planned = (X[table.in_loop, :3, 3] for X in (table.X_BP, table.X_BP_plan))
+    np.testing.assert_allclose((executed - planned)[:, 1], 0.2 * INDENTATION, atol=0.1e-3)
+    np.testing.assert_allclose((executed - planned)[:, 0], 0.0, atol=0.05e-3)
+    assert abs(table.X_BP[-1, 1, 3] - 0.13) < 0.1e-3
+
+
+class LeaningRobot(BreathingRobot):
+    """Its sensor tells of a tilt that does not go away, so that the probe turns as fast as it may
+    to the end.
+    """
+
+    lean = 4.0
+    """Force along y [N]."""
+
+    def _wrench(self):
+        wrench_P = super()._wrench()
+        wrench_P[1] = self.lean * (wrench_P[2] < -0.5)
+        return wrench_P
+
+
+class LostRobot(LeaningRobot):
+    """The skin falls away under it while the chest rises."""
+
+    def servo_joint(self, q):
+        if 5.5 < self.time < 5.6:
+            self.amplitude = 0.0
+        super().servo_joint(q)
+
+
+class CaughtRobot(LeaningRobot):
+    """Its sensor goes wild in mid-path."""
+
+    def _wrench(self):
+        return super()._wrench() + (30.0 if self.time > 5.5 else 0.0)
+
+
+@pytest.mark.parametrize("paused_at", [None, 330, 390, 520], ids="paused at {}".format)
+@pytest.mark.parametrize("kind", [LeaningRobot, LostRobot, CaughtRobot])
+@pytest.mark.parametrize("late", [0, 4])
+def test_no_correction_asks_for_an_acceleration_near_what_the_supervisor_refuses(
+    motion, kind, paused_at, late
+):
+    """Breath, drag, tilt and force together, set in and ended in every way."""
+    robot, targets = kind(motion.q_approach), []
+    robot.servo = Servo.pure_delay(late * PERIOD)
+    robot._waiting.extend([robot.q] * late)
+    send, asked = robot.servo_joint, 0
+    robot.servo_joint = lambda q: (targets.append(q), send(q))
+
+    def pause():
+        nonlocal asked
+        asked += 1
+        return paused_at is not None and paused_at < asked < paused_at + 300
+
+    drag_B = np.tile([0.1, 0.2, 0.0], (len(motion.q), 1)) / math.sqrt(0.006)
+    moving = replace(motion, chest_normal_B=CHEST_B, drag_B=drag_B)
+    raised = None
+    try:
+        execution.execute(robot, moving, DEFAULTS, SafetyLimits(), pause=pause)
+    except (RobotError, SafetyError) as error:
+        raised = error
+    assert (raised is None) == (kind is not CaughtRobot)
+    assert "rad/s" not in str(raised)
+    acceleration = np.abs(np.diff(targets, 2, axis=0)).max() / PERIOD**2
+    assert acceleration < 0.5 * SafetyLimits().joint_acceleration

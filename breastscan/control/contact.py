@@ -14,6 +14,7 @@ import tyro
 
 from breastscan.checks import require_positive
 from breastscan.control.filters import Filtered
+from breastscan.control.follower import stopping_speed, towards
 from breastscan.control.force_law import ForceLaw, Measurement, Reference
 from breastscan.control.laws import DEFAULT_LAW, LAW_NAMES, LawName, Laws
 from breastscan.control.phases import PhaseConfig
@@ -180,8 +181,7 @@ def advance(
         lag: Of the servo [s].
         period: Control period [s].
     """
-    step = acceleration * period
-    rate = min(max(speed, memory.rate - step), memory.rate + step)
+    rate = towards(memory.rate, speed, acceleration, period)
     return _moved(memory, memory.depth + rate * period, rate, memory.law, lag, period)
 
 
@@ -198,19 +198,19 @@ def regulate(
         period: Control period [s].
 
     Returns:
-        The state after this period; its depth stays inside `config.depth_limit`.
+        The state after this period; its depth comes to rest at `config.depth_limit`.
     """
     assert memory.surface is not None, "force control begins with `begin`"
     measurement = Measurement(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
     requested, law = config.force_law.speed(measurement, reference, memory.law)
-    step, limit = config.acceleration * period, config.rate_limit
+    acceleration, limit = config.acceleration, config.rate_limit
     approach = config.phases.approach_speed
     inward = min(PRESSING_SPEED_RATIO * approach if _presses(memory, config) else approach, limit)
-    rate = max(min(max(requested, -limit), memory.rate + step, inward), memory.rate - step)
-    depth = memory.depth + rate * period
-    if abs(depth) > config.depth_limit:
-        depth, rate = math.copysign(config.depth_limit, depth), 0.0
-    return _moved(memory, depth, rate, law, lag, period)
+    # in time to stop at the bounds of the depth
+    inward = min(inward, stopping_speed(config.depth_limit - memory.depth, acceleration))
+    outward = min(limit, stopping_speed(config.depth_limit + memory.depth, acceleration))
+    rate = towards(memory.rate, min(max(requested, -outward), inward), acceleration, period)
+    return _moved(memory, memory.depth + rate * period, rate, law, lag, period)
 
 
 def _presses(memory: ContactMemory, config: ContactConfig) -> bool:

@@ -1,9 +1,10 @@
 """Which directions the plan controls and which the force: S and S' of [Zhang, Fig. 23].
 
 In the probe's frame S' selects the probe axis; S = 1 - S' all the rest. The expected pose X_e is S
-of the planned one, with the probe turned about its tip as far as the wrench asks, and S' of what
-the force controller makes of the force error. That acts along the planned axis, so that a probe
-that turns does not leave the planned line.
+of the planned one, moved across the axis as breath and drag ask (`control.across`), with the probe
+turned about its tip as far as the wrench asks, and S' of what the force controller makes of the
+force error. That acts along the planned axis, so that a probe that turns does not leave the planned
+line.
 """
 
 import math

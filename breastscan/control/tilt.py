@@ -9,7 +9,9 @@ Its coefficient is learnt from what changes as the motion sets out, when the til
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from breastscan.control.follower import stopping_speed, towards
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,9 @@ class TiltConfig:
     """Largest correction about each axis [rad]."""
     rate_limit: float = math.radians(3.0)
     """Largest speed of it [rad/s]."""
+    acceleration: float = 0.5
+    """Largest change of that [rad/s^2]: a wrist joint takes up to twice as much, of the 40 that the
+    supervisor allows."""
     min_force: float = 1.0
     """Pressing force below which the wrench says nothing about the tilt [N]."""
     max_noise: float = 0.1
@@ -56,6 +61,8 @@ class TiltMemory:
     """Rotation of the probe about its own x, against the plan [rad]."""
     ry: float = 0.0
     """The same about y [rad]."""
+    rates: tuple[float, float] = (0.0, 0.0)
+    """Their speeds [rad/s]."""
     fx: float = 0.0
     """Low-passed force along x over the pressing force [-]."""
     fy: float = 0.0
@@ -102,12 +109,12 @@ class Drag:
 
 
 def update(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
-    """One period later; without contact, or with a sensor that is too noisy, the correction
-    stays as it is.
+    """One period later; without contact, or with a sensor that is too noisy, the correction comes
+    to rest.
     """
     pressing = -now.wrench[2]
     if pressing < config.min_force or now.noise > config.max_noise:
-        return memory
+        return rest(memory, config, now.period)
     fast = 1.0 - math.exp(-2.0 * math.pi * config.filter_hz * now.period)
     fx = memory.fx + fast * (now.wrench[0] / pressing - memory.fx)
     fy = memory.fy + fast * (now.wrench[1] / pressing - memory.fy)
@@ -117,11 +124,18 @@ def update(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
     ux = memory.moving[0] + fast * (vx / speed - memory.moving[0])
     uy = memory.moving[1] + fast * (vy / speed - memory.moving[1])
     slow, learnt = _learnt((fx, fy, ux, uy), memory, config, now.period)
-    felt = TiltMemory(memory.rx, memory.ry, fx, fy, my, slow, learnt, (ux, uy))
+    felt = TiltMemory(memory.rx, memory.ry, memory.rates, fx, fy, my, slow, learnt, (ux, uy))
     about_x, about_y = felt.tilt(config)
-    rx = _towards_zero(memory.rx, about_x, config.force_dead_band, config, now.period)
-    ry = _towards_zero(memory.ry, about_y, config.moment_dead_band, config, now.period)
-    return TiltMemory(rx, ry, fx, fy, my, slow, learnt, (ux, uy))
+    wanted_x = _wanted_rate(about_x, config.force_dead_band, config)
+    wanted_y = _wanted_rate(about_y, config.moment_dead_band, config)
+    return _turned(felt, (wanted_x, wanted_y), config, now.period)
+
+
+def rest(memory: TiltMemory, config: TiltConfig, period: float) -> TiltMemory:
+    """One period [s] later, without a measurement: the correction stays, once it has come to
+    rest.
+    """
+    return memory if memory.rates == (0.0, 0.0) else _turned(memory, (0.0, 0.0), config, period)
 
 
 def _learnt(
@@ -146,12 +160,31 @@ def _learnt(
     )
 
 
-def _towards_zero(
-    correction: float, tilt: float, dead_band: float, config: TiltConfig, period: float
-) -> float:
-    """The correction [rad] one period on, that takes what leaves the dead band of the tilt [rad]
+def _wanted_rate(tilt: float, dead_band: float, config: TiltConfig) -> float:
+    """Speed of the correction [rad/s] that takes what leaves the dead band of the tilt [rad]
     away.
     """
     beyond = math.copysign(max(abs(tilt) - dead_band, 0.0), tilt)
-    rate = min(max(-beyond / config.time_constant, -config.rate_limit), config.rate_limit)
-    return min(max(correction + rate * period, -config.bound), config.bound)
+    return min(max(-beyond / config.time_constant, -config.rate_limit), config.rate_limit)
+
+
+def _turned(
+    memory: TiltMemory, wanted: tuple[float, float], config: TiltConfig, period: float
+) -> TiltMemory:
+    """The correction one period [s] on, at the wanted speeds [rad/s] as far as its acceleration
+    and its bound, before which it stops, allow.
+    """
+    rx, x_rate = _turned_about(memory.rx, memory.rates[0], wanted[0], config, period)
+    ry, y_rate = _turned_about(memory.ry, memory.rates[1], wanted[1], config, period)
+    return replace(memory, rx=rx, ry=ry, rates=(x_rate, y_rate))
+
+
+def _turned_about(
+    angle: float, rate: float, wanted: float, config: TiltConfig, period: float
+) -> tuple[float, float]:
+    """Angle [rad] and speed [rad/s] about one axis."""
+    acceleration = config.acceleration
+    up = stopping_speed(config.bound - angle, acceleration)
+    down = stopping_speed(config.bound + angle, acceleration)
+    rate = towards(rate, min(max(wanted, -down), up), acceleration, period)
+    return angle + rate * period, rate

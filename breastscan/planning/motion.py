@@ -55,6 +55,9 @@ class Motion:
     point."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
+    chest_normal_B: Float[np.ndarray, "3"] | None = None
+    """Outward unit normal of the chest, along which breathing moves it; None where it is not known,
+    and the probe does not breathe along."""
     drag_B: Float[np.ndarray, "n 3"] | None = None
     """What `drag_at` multiplies by the indentation's power, across the probe axis [m^-1/2]; None
     where no tissue was modelled."""

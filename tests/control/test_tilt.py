@@ -58,11 +58,17 @@ def test_friction_is_learnt_and_not_taken_for_a_tilt(friction, heading):
 
 def test_the_correction_stays_within_its_bound_and_its_rate():
     memory = scan(about_x=math.radians(30.0))
-    assert memory.rx == pytest.approx(-CONFIG.bound)
-    one = tilt.update(
-        Drag((0.0, 4.0, -5.0, 0.0), (0.0, 0.0), 0.0, PERIOD), TiltMemory(fy=1.0), CONFIG
-    )
-    assert abs(one.rx) == pytest.approx(CONFIG.rate_limit * PERIOD)
+    assert memory.rx == pytest.approx(-CONFIG.bound, abs=1e-4)
+    one = tilt.update(FALLING, TiltMemory(fy=1.0), CONFIG)
+    assert abs(one.rx) == pytest.approx(CONFIG.acceleration * PERIOD**2)
+    later = one
+    for _ in range(200):
+        later = tilt.update(FALLING, later, CONFIG)
+    assert abs(later.rates[0]) == pytest.approx(CONFIG.rate_limit)
+
+
+FALLING = Drag((0.0, 4.0, -5.0, 0.0), (0.0, 0.0), 0.0, PERIOD)
+"""A probe that is tilted by as much as there is."""
 
 
 @pytest.mark.parametrize("change", [{"wrench": (0.3, 0.3, -0.5, 0.0)}, {"noise": 0.3}])
@@ -70,6 +76,25 @@ def test_without_a_firm_contact_or_a_good_sensor_nothing_is_turned(change):
     now = replace(Drag((0.3, 0.3, -5.0, 0.01), (0.0, 0.0), 0.05, PERIOD), **change)
     before = TiltMemory(rx=0.01)
     assert tilt.update(now, before, CONFIG) == before
+
+
+def test_where_the_contact_ends_the_probe_stops_turning_within_its_acceleration():
+    """A rotation of 3 degrees a second that ends in one period would ask 40 rad/s^2 of a wrist
+    joint.
+    """
+    memories = [TiltMemory()]
+    for _ in range(500):
+        memories.append(tilt.update(FALLING, memories[-1], CONFIG))
+    assert abs(memories[-1].rates[0]) == pytest.approx(CONFIG.rate_limit)
+    lifted = replace(FALLING, wrench=(0.0, 0.0, -0.5, 0.0))
+    for _ in range(30):
+        memories.append(tilt.update(lifted, memories[-1], CONFIG))
+    for _ in range(100):
+        memories.append(tilt.rest(memories[-1], CONFIG, PERIOD))
+    assert memories[-1].rates == (0.0, 0.0)
+    assert memories[-1].rx == memories[-2].rx != 0.0
+    turned = np.array([(m.rx, m.ry) for m in memories])
+    assert np.abs(np.diff(turned, 2, axis=0)).max() <= CONFIG.acceleration * PERIOD**2 * (1 + 1e-6)
 
 
 def test_a_setting_that_is_not_positive_is_refused_by_name():

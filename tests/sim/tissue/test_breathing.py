@@ -30,6 +30,18 @@ def test_a_breath_rises_from_rest_by_twice_the_amplitude_and_comes_back(waveform
     np.testing.assert_allclose(np.gradient(height, time)[1:-1], speed[1:-1], atol=5e-6)
 
 
+@pytest.mark.parametrize("waveform", ["sine", "cos4"])
+def test_the_phase_is_where_in_the_breath_the_clock_starts(waveform):
+    config = replace(DEEP, waveform=waveform)
+    later = replace(config, phase=0.3)
+    for t in (0.0, 0.7, 2.9):
+        assert rise(later, t) == pytest.approx(rise(config, t + 0.3 / DEEP.rate), abs=1e-12)
+        assert rising_speed(later, t) == pytest.approx(
+            rising_speed(config, t + 0.3 / DEEP.rate), abs=1e-12
+        )
+    assert rise(replace(config, phase=0.5), 0.0) == pytest.approx(2 * DEEP.amplitude)
+
+
 def test_the_fourth_power_dwells_at_the_end_of_the_exhalation():
     time = np.linspace(0, 4, 400, endpoint=False)
     low = {
@@ -39,7 +51,9 @@ def test_the_fourth_power_dwells_at_the_end_of_the_exhalation():
     assert low["cos4"] > 1.5 * low["sine"]
 
 
-@pytest.mark.parametrize("change", [{"amplitude": -0.001}, {"amplitude": 0.5}, {"rate": 0.0}])
+@pytest.mark.parametrize(
+    "change", [{"amplitude": -0.001}, {"amplitude": 0.5}, {"rate": 0.0}, {"phase": 1.5}]
+)
 def test_breaths_that_nobody_takes_are_refused(change):
     with pytest.raises(ConfigError, match=next(iter(change))):
         BreathingConfig(**change)
