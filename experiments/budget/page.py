@@ -260,7 +260,7 @@ def _page(parts: Sequence[Part], drawn: Figure, settings: dict[str, Any]) -> str
 
 
 def _markdown(parts: Sequence[Part]) -> Iterator[str]:
-    yield f"# {TITLE}\n\n{INTRODUCTION}\n\n![{SHOWN}](budget.png)\n\n{SHOWN}\n"
+    yield f"# {TITLE}\n\n{INTRODUCTION}\n\n![Shares of each source](budget.png)\n\n{SHOWN}\n"
     for part in parts:
         yield f"## {part.heading}\n"
         yield from (f"{sentence}\n" for sentence in part.sentences)
