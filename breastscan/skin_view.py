@@ -6,9 +6,12 @@ the disparity that the skin makes expected, at every pixel that would see it: th
 smoothing leaves no trace.
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import binary_dilation
 
 from breastscan.cloud.segment import Breast
 from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin
@@ -25,6 +28,12 @@ MARGIN_PX = 8
 """How far beyond the mask skin is looked for [px]."""
 LOWEST = 5e-4
 """Height over the chest below which skin is not told from it [m]."""
+OTHER_ERRORS = 1.7
+"""Variance of the skin over that by the noise alone [-]: what rectification, and at grazing angles
+the pixels' own size, add to it; from seeds 0 and 2 and one breast of each class."""
+GROWTH = 2
+"""Squares of the chart by which a pass may go beyond what was seen before: where the flank turns
+out of sight, the skin below it is a mere guess, and what its pixels see is the chest."""
 HEADROOM = 0.02
 """How far before the point that was matched a ray begins to look for the skin [of its depth]."""
 LARGEST_CHANGE_PX = 4.0
@@ -49,7 +58,8 @@ def see_skin(
     for _ in range(PASSES):
         seen = _disparity(fit.skin, pair, near, refined, breast)
         fit = fit_skin(_sightings(photometry, seen, pair), X_LN, fit)
-    return fit.skin, _disparity(fit.skin, pair, near, refined, breast)
+    skin = replace(fit.skin, covariance=OTHER_ERRORS * fit.skin.covariance)
+    return skin, _disparity(skin, pair, near, refined, breast)
 
 
 def points(disparity: Float[np.ndarray, "h w"], pair: RectifiedPair) -> Float[np.ndarray, "n 3"]:
@@ -97,7 +107,10 @@ def _disparity(
     matched = refined.disparity[near].astype(float)
     start = np.where(np.isfinite(matched), (1 - HEADROOM) * unit / matched, 0.0)
     depth = skin.first_hits(np.zeros(3), rays_L, start)
-    above = breast.plate.heights(rays_L * depth[:, None]) > LOWEST
+    p_L = rays_L * depth[:, None]
+    above = breast.plate.heights(p_L) > LOWEST
+    grown = replace(skin, support=binary_dilation(skin.support, iterations=GROWTH))
+    above[above] = grown.known(skin.chart(p_L[above]))
     agrees = ~(np.abs(matched - unit / depth) > LARGEST_CHANGE_PX)
     result = np.full(near.shape, np.nan)
     result[near] = np.where(above & agrees, unit / depth, np.nan)

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from breastscan import skin_view
+from breastscan.cloud.segment import segment_breast
+from breastscan.geometry import se3
+from breastscan.vision.refine import refine
+from breastscan.vision.stereo import StereoConfig, disparity_map
+from breastscan.vision.triangulation import triangulate
+from experiments.ray_cast_dome import DomeScene
+
+SCENE = DomeScene(texture="skin")
+
+
+@pytest.fixture(scope="module")
+def seen():
+    pair = SCENE.pair()
+    matched = disparity_map(pair.left, pair.right, StereoConfig(consistency_px=2, mean_px=1))
+    breast = segment_breast(triangulate(matched, pair))
+    return skin_view.see_skin(pair, refine(pair.left, pair.right, matched, breast.mask), breast)
+
+
+def above_foot() -> np.ndarray:
+    """Pixels that both see the dome, 2 mm above the plate and higher."""
+    return SCENE.on_dome & SCENE.seen_twice & (SCENE.points[..., 2] < SCENE.plate_distance - 2e-3)
+
+
+def test_nearly_every_pixel_that_sees_skin_has_a_point_and_hardly_any_other(seen):
+    _, disparity = seen
+    found = np.isfinite(disparity)
+    assert found[above_foot()].mean() > 0.985
+    assert (found & ~SCENE.on_dome).sum() < 0.02 * SCENE.on_dome.sum()
+
+
+def test_the_skin_is_the_dome_within_a_fraction_of_a_tenth_of_a_millimetre(seen):
+    skin, _ = seen
+    p_L = SCENE.points[above_foot()]
+    off = np.linalg.norm(skin.points(skin.chart(p_L)) - SCENE.sphere_centre, axis=1)
+    assert np.sqrt(np.mean((off - SCENE.sphere_radius) ** 2)) * 1e3 < 0.06
+
+
+def test_normals_are_right_within_a_third_of_a_degree(seen):
+    skin, _ = seen
+    p_L = SCENE.points[above_foot()]
+    true_L = p_L - SCENE.sphere_centre
+    tilt = se3.angle_between(skin.normals(skin.chart(p_L)), true_L)
+    assert np.degrees(tilt).mean() < 0.35
+
+
+def test_pixels_behind_others_in_the_right_view_are_hidden():
+    disparity = np.array([[10.0, 10.0, 13.0, np.nan, 10.0]])
+    # at 0, -1 .. the third lies before the second: 2 - 13 < 1 - 10
+    hidden = skin_view._hidden_from_right(disparity)
+    assert hidden.tolist() == [[True, True, False, False, False]]
