@@ -39,8 +39,8 @@ QUADRATURE = 8
 VIRTUAL_DEPTH = 0.64
 """Depth of the virtual overlap over the indentation [-]: the twin's contact is then as long."""
 NOMINAL = 0.006
-"""Indentation that the pressure is spread for [m]: that of 5 N on a tissue of 30 kPa. The drag over
-its power 1.5 is the same within 3 % from 3 to 7 mm."""
+"""Indentation that the pressure is spread for [m]: that of 5 N on a tissue of 30 kPa. From 3 to 7
+mm the drag over its power 1.5 is the same within 5 %, 11 % on small dense breasts."""
 PLACES = 33
 """Places of the path that are pressed."""
 SECTIONS = 8
