@@ -321,18 +321,14 @@ class _Cycle:
         rows_ahead = progress.feed_override * self._lag.lag / self.robot.period
         ahead = min(progress.row + rows_ahead, float(self.section.last))
         arm = self.robot.calibration
-        X_BP = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
-        X_BP[:3, 3] += self._shift(ahead, X_BP[:3, 2])
-        X_BP_sent = selection.corrected(X_BP, memory.depth, self._tilt.rx, self._tilt.ry)
-        q = arm.step(self._sent.q, X_BP_sent @ self._X_PF)
-        return _Selected(X_BP, X_BP_sent, JointCommand(q, X_BP_sent[:3, 3], memory.depth))
-
-    def _shift(self, row: float, axis_B: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-        """Across the probe axis, with breath and drag, at a row of the plan [m]."""
-        shift_B = self.motion.drag_at(row, self._across.indentation)
+        X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
+        shift_B = self.motion.drag_at(ahead, self._across.indentation)
         if self.motion.chest_normal_B is not None:
             shift_B = shift_B + self._across.rise * self.motion.chest_normal_B
-        return shift_B - (shift_B @ axis_B) * axis_B
+        X_BP_reference = selection.moved_across(X_BP_plan, shift_B)
+        X_BP = selection.corrected(X_BP_reference, memory.depth, self._tilt.rx, self._tilt.ry)
+        q = arm.step(self._sent.q, X_BP @ self._X_PF)
+        return _Selected(X_BP_reference, X_BP, JointCommand(q, X_BP[:3, 3], memory.depth))
 
     def send(self, progress: Progress, memory: ContactMemory, selected: _Selected) -> None:
         """The command within the limits, to the robot; what was decided counts once it is taken."""

@@ -120,14 +120,15 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
     else:
         estimate = memory.estimate.after(rise, speed, CORNER_HZ, now.period, ACCELERATION)
         low, high = memory.low, memory.high
-    return replace(
-        memory,
-        estimate=estimate,
-        low=min(low, estimate.position),
-        high=max(high, estimate.position),
-        weight=memory.weight.after(1.0, 0.0, BLEND_HZ, now.period),
-        depth=depth,
-        skin_rate=speed,
+    return AcrossMemory(
+        estimate,
+        min(low, estimate.position),
+        max(high, estimate.position),
+        memory.weight.after(1.0, 0.0, BLEND_HZ, now.period),
+        depth,
+        memory.fit,
+        memory.stiffness,
+        speed,
     )
 
 

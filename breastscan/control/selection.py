@@ -15,6 +15,22 @@ import numba
 
 @numba.njit(cache=True)
 @no_type_check
+def moved_across(X_BP, shift_B):
+    """The planned pose, moved across its axis.
+
+    Args:
+        X_BP: Planned pose of the tip, (4, 4) [m].
+        shift_B: Of which what lies along the axis is left out, (3,) [m].
+    """
+    along = shift_B[0] * X_BP[0, 2] + shift_B[1] * X_BP[1, 2] + shift_B[2] * X_BP[2, 2]
+    X_moved = X_BP.copy()
+    for i in range(3):
+        X_moved[i, 3] += shift_B[i] - along * X_BP[i, 2]
+    return X_moved
+
+
+@numba.njit(cache=True)
+@no_type_check
 def corrected(X_BP, depth, rx, ry):
     """The pose that is sent.
 

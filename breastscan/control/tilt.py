@@ -128,14 +128,20 @@ def update(now: Drag, memory: TiltMemory, config: TiltConfig) -> TiltMemory:
     about_x, about_y = felt.tilt(config)
     wanted_x = _wanted_rate(about_x, config.force_dead_band, config)
     wanted_y = _wanted_rate(about_y, config.moment_dead_band, config)
-    return _turned(felt, (wanted_x, wanted_y), config, now.period)
+    rx, x_rate = _turned(memory.rx, memory.rates[0], wanted_x, config, now.period)
+    ry, y_rate = _turned(memory.ry, memory.rates[1], wanted_y, config, now.period)
+    return TiltMemory(rx, ry, (x_rate, y_rate), fx, fy, my, slow, learnt, (ux, uy))
 
 
 def rest(memory: TiltMemory, config: TiltConfig, period: float) -> TiltMemory:
     """One period [s] later, without a measurement: the correction stays, once it has come to
     rest.
     """
-    return memory if memory.rates == (0.0, 0.0) else _turned(memory, (0.0, 0.0), config, period)
+    if memory.rates == (0.0, 0.0):
+        return memory
+    rx, x_rate = _turned(memory.rx, memory.rates[0], 0.0, config, period)
+    ry, y_rate = _turned(memory.ry, memory.rates[1], 0.0, config, period)
+    return replace(memory, rx=rx, ry=ry, rates=(x_rate, y_rate))
 
 
 def _learnt(
@@ -169,20 +175,11 @@ def _wanted_rate(tilt: float, dead_band: float, config: TiltConfig) -> float:
 
 
 def _turned(
-    memory: TiltMemory, wanted: tuple[float, float], config: TiltConfig, period: float
-) -> TiltMemory:
-    """The correction one period [s] on, at the wanted speeds [rad/s] as far as its acceleration
-    and its bound, before which it stops, allow.
-    """
-    rx, x_rate = _turned_about(memory.rx, memory.rates[0], wanted[0], config, period)
-    ry, y_rate = _turned_about(memory.ry, memory.rates[1], wanted[1], config, period)
-    return replace(memory, rx=rx, ry=ry, rates=(x_rate, y_rate))
-
-
-def _turned_about(
     angle: float, rate: float, wanted: float, config: TiltConfig, period: float
 ) -> tuple[float, float]:
-    """Angle [rad] and speed [rad/s] about one axis."""
+    """Angle [rad] and speed [rad/s] about one axis a period [s] on, at the wanted speed as far as
+    the acceleration and the bound, before which it stops, allow.
+    """
     acceleration = config.acceleration
     up = stopping_speed(config.bound - angle, acceleration)
     down = stopping_speed(config.bound + angle, acceleration)
