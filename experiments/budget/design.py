@@ -20,14 +20,14 @@ from scipy.stats import qmc
 
 from breastscan.errors import ConfigError
 from breastscan.settings import read_file
-from breastscan.vision.camera import StereoRig
+from experiments.budget.rigs import composed
 from experiments.sweep.spec import Run, drawn
 
 ASSETS = Path(str(resources.files("assets")))
 SPEC = ASSETS / "studies" / "budget.yaml"
 TRUE_RIG = ASSETS / "rig.yaml"
 RIG_PARTS = ("rig.intrinsics", "rig.extrinsics", "rig.hand_eye")
-"""What an estimated rig is made of, each from a file of its own."""
+"""Whose error each of a rig's parts has: a file each, none for no error."""
 COUNT = 20
 """Paired scans of each set."""
 SAMPLES = 64
@@ -111,7 +111,7 @@ class Scans:
                 raise ConfigError(
                     f"cannot write {path} ({error.strerror}): choose another --out", path
                 ) from error
-            composed(*parts).save(path)
+            composed(TRUE_RIG, *parts).save(path)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,17 +211,6 @@ class BudgetSpec:
             found["rig"] = f"{self.rigs}/{stem}.yaml"
             rigs[found["rig"]] = tuple(SPEC.parent / p if p else TRUE_RIG for p in parts)
         return found
-
-
-def composed(intrinsics: Path, extrinsics: Path, hand_eye: Path) -> StereoRig:
-    """A rig with the lenses of one file, the cameras' relative pose of another, and its place in
-    the robot's base of a third.
-
-    Raises:
-        CalibrationError: A file is no rig.
-    """
-    lenses, pose, place = map(StereoRig.load, (intrinsics, extrinsics, hand_eye))
-    return StereoRig(left=lenses.left, right=lenses.right, X_RL=pose.X_RL, X_BL=place.X_BL)
 
 
 def load(count: int | None, samples: int | None, folder: Path) -> BudgetSpec:
