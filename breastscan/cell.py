@@ -8,44 +8,21 @@ file, `cell.json`, that a scan leaves in its run folder and that may be edited.
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import CalibrationError, ConfigError
+from breastscan.geometry.arm_hulls import link_hulls
+from breastscan.geometry.hulls import Shape, require_rigid
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.planning.clearance import Clearance
 from breastscan.robot.payload import Payload
 from breastscan.robot.ur.rtde_robot import RtdeConfig
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.run.writing import write_json
 from breastscan.settings import read_fields
 from breastscan.vision.camera import SHORTEST_BASELINE, StereoRig
-
-SIZES = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3}
-"""How many lengths tell the size of each kind of hull."""
-NOT_RIGID = 1e-6
-"""Maximum by which a pose's rotation may miss one, entry by entry: rounded files."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shape:
-    """A simple hull that the arm must keep clear of, or that it carries."""
-
-    name: str
-    kind: Literal["sphere", "capsule", "cylinder", "box"]
-    size: tuple[float, ...]
-    """Of a sphere its radius, of capsule and cylinder radius and half length along z, of a box its
-    half lengths [m]."""
-    X: Float[np.ndarray, "4 4"]
-    """Where it lies: in F if the arm carries it, else in B [m]."""
-
-    def __post_init__(self) -> None:
-        numbers = SIZES[self.kind]
-        if len(self.size) != numbers or min(self.size) <= 0:
-            why = f"the size of {self.name}, a {self.kind}, must be {numbers} positive lengths"
-            raise ConfigError(f"{why} [m], got {self.size}", self.size)
-        _require_rigid(self.X, f"the pose of {self.name}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +52,15 @@ class Cell:
             raise ConfigError(
                 f"the payload's mass must be positive, got {self.payload.mass} kg", self.payload
             )
-        names = [
-            shape.name for shape in (*self.tool, *self.room, *([self.chest] if self.chest else []))
-        ]
+        chest = [self.chest] if self.chest else []
+        links = [hull for number in range(1, 7) for hull in link_hulls(number)]
+        names = [shape.name for shape in (*links, *self.tool, *self.room, *chest)]
         if len(set(names)) < len(names) or any("/" in name for name in names):
             raise ConfigError(
                 f"hulls need names of their own, without '/', got {', '.join(names)}", names
             )
-        _require_rigid(self.X_FP, "X_FP")
-        _require_rigid(self.rig.X_RL, "X_RL of the rig")
+        require_rigid(self.X_FP, "X_FP")
+        require_rigid(self.rig.X_RL, "X_RL of the rig")
         if self.rig.baseline < SHORTEST_BASELINE:
             raise CalibrationError("the rig's baseline is below 1 mm", self.rig.baseline)
         if self.rig.X_BL is None:
@@ -91,7 +68,14 @@ class Cell:
                 "the rig has no X_BL, so the points have no place in the robot's frame: run "
                 "`breastscan handeye` first"
             )
-        _require_rigid(self.rig.X_BL, "X_BL of the rig")
+        require_rigid(self.rig.X_BL, "X_BL of the rig")
+
+    @property
+    def clearance(self) -> Clearance:
+        """What measures how far the arm stays from itself and from the room; the chest is left out,
+        which a scan finds.
+        """
+        return Clearance(self.tool, self.room, self.kinematics)
 
     def rtde(self, host: str) -> RtdeConfig:
         """The link to this cell's robot.
@@ -128,10 +112,3 @@ class Cell:
             raise ConfigError(f"{path} is not a JSON file ({error})", path) from error
         values = read_fields(Cell, content, str(path))
         return Cell(**values if rig is None else {**values, "rig": rig})
-
-
-def _require_rigid(X: np.ndarray, what: str) -> None:
-    R = X[:3, :3]
-    rigid = np.abs(R @ R.T - np.eye(3)).max() < NOT_RIGID and np.linalg.det(R) > 0
-    if not (rigid and np.array_equal(X[3], [0.0, 0.0, 0.0, 1.0])):
-        raise ConfigError(f"{what} is not a rigid pose: {X.tolist()}", X)

@@ -27,9 +27,11 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, NoBreastError, PlanningError
 from breastscan.geometry import se3
 from breastscan.geometry.skin import Skin
-from breastscan.planning import motion, pattern
+from breastscan.planning import fitting, motion, pattern
+from breastscan.planning.clearance import Body
 from breastscan.planning.feedrate import Feed, FeedrateLimits
-from breastscan.planning.joint_limits import Clearances, JointPathConfig
+from breastscan.planning.fitting import Task
+from breastscan.planning.joint_limits import Corrections, JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
 from breastscan.planning.pattern import PatternConfig
@@ -53,6 +55,10 @@ from breastscan.vision.refine import RefineConfig
 from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig
 
+HIGHEST_RISE = 0.05
+"""Of a loop that gives way [m]."""
+RISES = 4
+"""Heights that are tried, the one that is asked for among them."""
 SAME_PLAN = 1e-6
 """How far two plans of the same pictures may lie apart [rad]."""
 
@@ -82,9 +88,23 @@ class PlanningConfig:
 
     pattern: PatternConfig = field(default_factory=PatternConfig)
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
-    joints: JointPathConfig = field(default_factory=lambda: JointPathConfig(floor=0.25))
-    """The floor keeps elbow, wrist and flange above the body that lies beside the breast."""
+    joints: JointPathConfig = field(default_factory=JointPathConfig)
+    largest_rise: float = 0.006
+    """How much higher the loop may lie where the arm cannot follow it otherwise [m]."""
     tissue: TissueConfig = field(default_factory=TissueConfig)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.largest_rise <= HIGHEST_RISE:
+            raise ConfigError(
+                f"planning.largest_rise must lie between 0 and {HIGHEST_RISE} m, not "
+                f"{self.largest_rise}",
+                self.largest_rise,
+            )
+
+    @property
+    def rises(self) -> list[float]:
+        """Heights to try the loop at, over where it is asked for [m]."""
+        return np.linspace(0.0, self.largest_rise, RISES).tolist() if self.largest_rise else [0.0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +123,19 @@ class ScanConfig:
                 f"({self.safety.force} N), or the supervisor ends every scan",
                 self.contact.force,
             )
+
+    @property
+    def corrections(self) -> Corrections:
+        """What the controller may add to a plan, and what the supervisor lets pass."""
+        phases = self.contact.phases
+        return Corrections(
+            pressing_speed=self.contact.rate_limit,
+            retreat_speed=phases.escape_speed,
+            retreat_acceleration=phases.escape_acceleration,
+            stop_time=phases.escape_override_time,
+            joint_speed=self.safety.joint_speed,
+            joint_acceleration=self.safety.joint_acceleration,
+        )
 
     @property
     def stereo(self) -> StereoConfig:
@@ -140,6 +173,10 @@ class ScanPlan:
     path: SkinPath
     feed: Feed
     motion: Motion
+    rise: float
+    """How much higher the path lies than it was asked for, so that the arm can follow it [m]."""
+    gave_way: str | None
+    """What to tell of that and of a probe that leans; None where neither is."""
     hidden_speed: str | None
     """What to tell of a top speed that other limits hide; None where some point has it."""
 
@@ -244,7 +281,6 @@ def scan(
     cell: Cell,
     config: ScanConfig = ScanConfig(),
     *,
-    clearances: Clearances | None = None,
     stages: Stages | None = None,
     on_plan: Callable[[ScanPlan], None] = lambda plan: None,
     keep: Keep = lambda images, plan, robot, log: nullcontext(),
@@ -258,8 +294,6 @@ def scan(
         camera: What takes the pair.
         cell: Where they stand.
         config: Every setting.
-        clearances: Measures the arm's distance from itself and the robot's cell; None leaves that
-            out.
         stages: Takes the wall times and hears of the progress.
         on_plan: Shown the plan before the arm moves.
         keep: Context in which the arm moves.
@@ -276,7 +310,7 @@ def scan(
     with stages.stage("capture"):
         images = camera.capture()
     reconstruction = perceive(images, cell.rig, config.perception, stages)
-    plan = plan_scan(reconstruction, cell, robot, config.planning, stages, clearances)
+    plan = plan_scan(reconstruction, cell, robot, config, stages)
     plan.motion.require_lift(robot.X_FP, robot.calibration)
     on_plan(plan)
     if cut_off is not None:
@@ -383,37 +417,50 @@ def check_sides(
 
 
 def plan_scan(
-    reconstruction: Reconstruction,
-    cell: Cell,
-    robot: Robot,
-    config: PlanningConfig,
-    stages: Stages,
-    clearances: Clearances | None = None,
+    reconstruction: Reconstruction, cell: Cell, robot: Robot, config: ScanConfig, stages: Stages
 ) -> ScanPlan:
     """From the cloud to joint angles for every control period."""
     X_BL = cell.rig.X_BL
     assert X_BL is not None, "a cell's rig has its place in the base"
+    planning = config.planning
     with stages.stage("path"):
         points_B = se3.transform(X_BL, reconstruction.sampled_L)
         normals_B = se3.rotate(X_BL, reconstruction.normals_L)
         skin = reconstruction.skin.seen_from(X_BL)
         plate = reconstruction.breast.plate.seen_from(X_BL)
-        path = pattern.half_height_loop(skin, plate, config.pattern)
+        loop = pattern.half_height_loop(skin, plate, planning.pattern)
     with stages.stage("motion"):
-        planned, feed = motion.plan_motion(
-            path, robot.X_FP, robot.period, config.feedrate, config.joints,
-            clearances=clearances, calibration=robot.calibration,
-        )  # fmt: skip
-        hidden = motion.hidden_speed(path, planned, feed, config.feedrate, robot.period)
+        task = Task(
+            X_FP=robot.X_FP,
+            period=robot.period,
+            limits=planning.feedrate,
+            config=planning.joints,
+            clearance=cell.clearance.of(Body(skin_B=points_B, chest=plate)),
+            corrections=config.corrections,
+            calibration=robot.calibration,
+        )
+
+        def loop_at(rise: float) -> SkinPath:
+            if rise == 0.0:
+                return loop
+            return pattern.half_height_loop(skin, plate, planning.pattern, rise)
+
+        fitted = fitting.fit(loop_at, planning.rises, task)
+        planned = fitted.motion
+        hidden = motion.hidden_speed(
+            fitted.path, planned, fitted.feed, planning.feedrate, robot.period
+        )
     with stages.stage("drag"):
         X_BP = robot.calibration.forward(planned.q) @ robot.X_FP
-        drag_B = drag.along_path(points_B, plate, X_BP, planned.s, config.tissue)
-        planned = replace(planned, drag_B=drag_B)
+        drag_B = drag.along_path(points_B, plate, X_BP, planned.s, planning.tissue)
+        planned = replace(planned, drag_B=drag_B, chest_normal_B=plate.normal)
     return ScanPlan(
         points_B=points_B,
         normals_B=normals_B,
-        path=path,
-        feed=feed,
-        motion=replace(planned, chest_normal_B=plate.normal),
+        path=fitted.path,
+        feed=fitted.feed,
+        motion=planned,
+        rise=fitted.rise,
         hidden_speed=hidden,
+        gave_way=fitted.told,
     )

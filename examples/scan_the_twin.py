@@ -9,7 +9,7 @@ from breastscan.report import write
 from sim import SceneConfig, Twin
 
 with Twin(SceneConfig(), seed=0) as twin:
-    result = scan(twin.robot, twin.camera, twin.cell, ScanConfig(), clearances=twin.clearances)
+    result = scan(twin.robot, twin.camera, twin.cell, ScanConfig())
     result = twin.measured(result)
 
 print(f"reconstructed points: {len(result.plan.points_B)}")

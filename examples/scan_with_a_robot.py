@@ -11,7 +11,6 @@ from breastscan.camera.choice import open_camera
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.ur import preflight
 from breastscan.scan import PlanningConfig
-from sim import Clearance
 
 SHORT_LOOP = ScanConfig(planning=PlanningConfig(pattern=PatternConfig(height_fraction=0.85)))
 
@@ -21,9 +20,8 @@ def main(host: str) -> None:
     cell = Cell.load(Path("out/scan/cell.json"))
     print(f"software {preflight.examine(host).version}")
     with preflight.opened(cell.rtde(host)) as robot:
-        clearances = Clearance(cell, with_chest=False)
         camera = open_camera("folder:out/scan")
-        result = scan(robot, camera, cell, SHORT_LOOP, clearances=clearances, in_air=True)
+        result = scan(robot, camera, cell, SHORT_LOOP, in_air=True)
 
     length_mm, log = 1e3 * result.plan.feed.s[-1], result.trajectory
     print(f"{length_mm:.0f} mm in the air, {log.elapsed[-1]:.1f} s, touched: {log.contact.any()}")

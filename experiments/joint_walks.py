@@ -14,7 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.errors import PlanningError
+from breastscan.geometry import se3
+from breastscan.geometry.plane import Plane
 from breastscan.planning import feedrate, joint_limits, motion
+from breastscan.planning.clearance import Body
 from breastscan.planning.feedrate import FeedrateLimits, Step
 from breastscan.planning.joint_limits import JointPathConfig, LimitUse
 from breastscan.planning.motion import Motion
@@ -24,7 +27,6 @@ from experiments import paper_loop
 from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
 from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
 from sim.tissue.phantom import PhantomConfig
 
@@ -32,6 +34,8 @@ MOUNTS_DEG = (0.0, 45.0)
 """Angles between probe and flange."""
 ROLL_TOLERANCES = {"fixed": 0.0, "free": np.pi / 2}
 """Freedom of the image plane about the probe's axis [rad]."""
+FOOT = 2.5e-3
+"""Height over the plate from which on skin counts as the breast's [m]."""
 LIMITS = FeedrateLimits(speed=0.025, acceleration=0.020)
 """The paper's speed and acceleration."""
 LOOP_POINTS = 15
@@ -90,11 +94,14 @@ def walk(loop: Loop, mount_deg: float, roll: str) -> Walk:
     config = JointPathConfig(
         roll_tolerance=ROLL_TOLERANCES[roll], floor=loop.table_height + paper_loop.LINK_RADIUS
     )
-    clearances = Clearance(cell_of(scene)) if loop.in_twin else None
+    plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=float(scene.X_BS[2, 3]))
+    skin_B = se3.transform(scene.X_BS, scene.phantom.skin.vertices_S)
+    body = Body(skin_B=skin_B[plate.heights(skin_B) > FOOT], chest=plate)
+    clearance = cell_of(scene).clearance.of(body) if loop.in_twin else None
     lost = tuple(paper_loop.unreachable(loop.path, scene.X_FP, config))
     try:
         planned, _ = motion.plan_motion(
-            loop.path, scene.X_FP, PERIOD, LIMITS, config, clearances=clearances
+            loop.path, scene.X_FP, PERIOD, LIMITS, config, clearance=clearance
         )
     except PlanningError as error:
         return Walk(
@@ -104,7 +111,7 @@ def walk(loop: Loop, mount_deg: float, roll: str) -> Walk:
         scene.physics.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     q, qd = _executed(SimRobot(scene, q=planned.q[0]), planned)
     finer, _ = motion.plan_motion(
-        loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearances=clearances
+        loop.path, scene.X_FP, PERIOD / 2, LIMITS, config, clearance=clearance
     )
     return Walk(
         loop=loop.name,

@@ -16,7 +16,6 @@ if sys.platform == "linux" and not os.environ.get("DISPLAY"):
     os.environ.setdefault("MUJOCO_GL", "egl")
 
 if TYPE_CHECKING:
-    from sim.room.clearance import Clearance as Clearance
     from sim.scene import Scene as Scene
     from sim.scene import SceneConfig as SceneConfig
     from sim.tissue.breathing import BreathingConfig as BreathingConfig
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 HOMES = {
     "BreathingConfig": "tissue.breathing",
-    "Clearance": "room.clearance",
     "PhantomConfig": "tissue.phantom_config",
     "Scene": "scene",
     "SceneConfig": "scene",

@@ -20,7 +20,6 @@ from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
 from sim.room.body_gap import BodyGap
 from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
 from sim.tissue.mechanics import build_mechanics
 from sim.truth import Truth
@@ -29,7 +28,7 @@ from sim.truth import Truth
 class Twin:
     """Everything that `breastscan.scan` takes, simulated, and the truth about it.
 
-    A scan gets `robot`, `camera`, `cell` and `clearances`, and knows nothing else of it;
+    A scan gets `robot`, `camera` and `cell`, and knows nothing else of it;
     `robot.servo_joint` and `robot.state` drive the arm period by period. At the end `close` gives
     the graphics memory back, as does leaving a `with` block.
     """
@@ -73,13 +72,6 @@ class Twin:
             ConfigError: No OpenGL is usable.
         """
         return SimStereoCamera(self.scene, self.robot)
-
-    @cached_property
-    def clearances(self) -> Clearance:
-        """The arm's distance from itself and the cell's shapes; where the chest lies is for a scan
-        to find out.
-        """
-        return Clearance(self.cell, with_chest=False)
 
     @cached_property
     def truth(self) -> Truth:

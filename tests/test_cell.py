@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from breastscan.cell import Cell, Shape
+from breastscan.cell import Cell
 from breastscan.errors import CalibrationError, ConfigError
+from breastscan.geometry.hulls import Shape
 from breastscan.robot.ur.worker import LinkLimits
 from sim.arm.deviations import ArmConfig
 from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
 from sim.scene import HOME_Q, Scene, SceneConfig
 
 
@@ -68,12 +68,12 @@ def test_a_shape_more_in_the_room_is_kept_clear_of(cell):
     X[:3, 3] = p_B
     ball = Shape(name="ball", kind="sphere", size=(0.05,), X=X)
     fuller = replace(cell, room=(*cell.room, ball))
-    assert Clearance(cell)(HOME_Q[None])[0] > 0
-    with_ball = Clearance(fuller)
-    assert with_ball.closest(HOME_Q).distance <= Clearance(cell).closest(HOME_Q).distance
+    assert cell.clearance(HOME_Q[None])[0] > 0
+    with_ball = fuller.clearance
+    assert with_ball.closest(HOME_Q).distance <= cell.clearance.closest(HOME_Q).distance
     X[:3, 3] -= [0.0, 0.0, 0.3]
-    assert Clearance(fuller).closest(HOME_Q).of_other == "ball"
-    assert Clearance(fuller)(HOME_Q[None])[0] < 0
+    assert fuller.clearance.closest(HOME_Q).of_other == "ball"
+    assert fuller.clearance(HOME_Q[None])[0] < 0
 
 
 def test_an_entry_that_is_missing_or_too_many_is_named(content, tmp_path):
@@ -124,7 +124,7 @@ def test_hulls_without_names_of_their_own_are_refused(content, tmp_path, name):
 
 def test_a_hull_named_as_one_of_the_arms_is_told(cell):
     with pytest.raises(ConfigError, match="link2_hull0"):
-        Clearance(replace(cell, room=(replace(cell.room[0], name="link2_hull0"),)))
+        replace(cell, room=(replace(cell.room[0], name="link2_hull0"),))
 
 
 def test_a_size_that_is_no_number_is_refused(content, tmp_path):
@@ -140,9 +140,7 @@ def test_a_cell_whose_chest_nobody_knows_is_one(cell, tmp_path):
     replace(cell, chest=None).save(tmp_path / "cell.json")
     loaded = Cell.load(tmp_path / "cell.json")
     assert loaded.chest is None
-    assert Clearance(loaded)(HOME_Q[None])[0] == pytest.approx(
-        Clearance(cell, with_chest=False)(HOME_Q[None])[0]
-    )
+    assert loaded.clearance(HOME_Q[None])[0] == pytest.approx(cell.clearance(HOME_Q[None])[0])
 
 
 def test_a_rig_given_beside_the_file_takes_the_place_of_one_without_a_place(

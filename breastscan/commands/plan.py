@@ -2,19 +2,25 @@
 without a robot.
 """
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import polars as pl
 import tyro
+from jaxtyping import Float
 
+from breastscan.cell import Cell
 from breastscan.cloud import skin_fit
 from breastscan.commands.console import Out, console
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
-from breastscan.planning import motion, pattern
+from breastscan.geometry.skin import Skin
+from breastscan.planning import fitting, motion, pattern
+from breastscan.planning.clearance import Body, Clearance
+from breastscan.planning.fitting import Task
 from breastscan.planning.joint_limits import JointPathConfig, limit_uses
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
@@ -42,8 +48,8 @@ TWIN_TCP = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
 tool bent by 45 degrees."""
 
 
-ABOVE_TABLE = PlanningConfig(joints=JointPathConfig())
-"""Of points that need not lie on a body: the arm keeps clear of the table alone."""
+OF_A_CLOUD = ("body_margin", "pressed_depth", "yielding")
+"""Settings of the joint path that say how the body is kept clear of, which only a cloud shows."""
 
 
 def plan(
@@ -53,8 +59,9 @@ def plan(
     urscript: bool = False,
     tcp: tuple[float, float, float, float, float, float] = TWIN_TCP,
     calibration: Path | None = None,
+    cell: Path | None = None,
     plate_height: float | None = None,
-    planning: PlanningConfig = ABOVE_TABLE,
+    planning: PlanningConfig = PlanningConfig(),  # noqa: B008 (frozen)
 ) -> Motion:
     """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
@@ -67,40 +74,38 @@ def plan(
             the probe's face, x along its array. By default the twin's.
         calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of
             ur_calibration. Without it the tip may be millimetres off.
+        cell: File of the robot's cell, as a scan leaves it: the tool's and the room's hulls, which
+            are kept clear of, the probe's place and the arm's kinematics. Without it the arm keeps
+            clear of itself and of the body in the cloud.
         plate_height: Height of the chest plate in B [m], for a cloud; without it, that of the
             cloud's lowest points.
         planning: Every setting of it.
 
     Raises:
-        ConfigError: The source cannot be read, is a path where settings are for a cloud, a margin
-            is set that nothing measures, or `out` cannot be written.
+        ConfigError: The source or the cell cannot be read, settings are given that the source or
+            the cell leaves no use for, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
         PerceptionError: A cloud has hardly any points.
         PlanningError: The path crosses skin that was not seen, or the arm cannot follow it.
     """
-    is_path = source.suffix.lower() == ".csv"
-    if is_path and (plate_height is not None or planning.pattern != PatternConfig()):
-        raise ConfigError(
-            "plate_height and planning.pattern lay a path on a cloud: leave them out for a path "
-            f"that is given ({source})",
-            source,
-        )
-    path = _path(source) if is_path else _loop(source, plate_height, planning.pattern)
-    if planning.joints.collision_margin != JointPathConfig.collision_margin:
-        raise ConfigError(
-            "planning.joints.collision_margin is a distance that nothing measures here, where no "
-            "cell is known: leave it out",
-            planning.joints.collision_margin,
-        )
-    arm = (
-        KinematicCalibration.nominal()
-        if calibration is None
-        else calibration_file.load(calibration)
+    _require_used(source, plate_height, planning)
+    X_FP, clearance, arm = _arm(tcp, calibration, cell)
+    task = Task(
+        X_FP=X_FP,
+        period=PERIOD,
+        limits=planning.feedrate,
+        config=planning.joints,
+        clearance=clearance,
+        calibration=arm,
     )
-    X_FP = se3.from_rotation_vector(np.array(tcp[3:], float), np.array(tcp[:3], float))
-    planned, feed = motion.plan_motion(
-        path, X_FP, PERIOD, planning.feedrate, planning.joints, calibration=arm
-    )
+    if _is_path(source):
+        given = _path(source)
+        fitted = fitting.fit(lambda rise: given, [0.0], task)
+    else:
+        cloud = _Cloud.read(source, plate_height)
+        task = replace(task, clearance=clearance.of(Body(skin_B=cloud.points_B, chest=cloud.plate)))
+        fitted = fitting.fit(lambda rise: cloud.loop(planning.pattern, rise), planning.rises, task)
+    path, planned = fitted.path, fitted.motion
     q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
     if not np.isfinite(q_retreat).all():
         raise PlanningError("the arm cannot leave the end of the path: shorten it", q_retreat)
@@ -110,13 +115,58 @@ def plan(
         if urscript:
             text = program.urscript(planned.q, planned.qd, planned.q_approach, q_retreat, X_FP)
             (folder / "path.script").write_text(text, encoding="utf-8")
-        settings = {"tcp": tcp, "calibration": calibration, "plate_height": plate_height}
+        settings = {
+            "tcp": tcp, "calibration": calibration, "cell": cell, "plate_height": plate_height
+        }  # fmt: skip
         writing.write_settings(folder, {**settings, "urscript": urscript, "planning": planning})
     _tell(planned, planning.joints, out)
-    hidden = motion.hidden_speed(path, planned, feed, planning.feedrate, PERIOD)
-    if hidden:
-        console.print(f"[yellow]{hidden}[/]", soft_wrap=True)
+    hidden = motion.hidden_speed(path, planned, fitted.feed, planning.feedrate, PERIOD)
+    for told in (fitted.told, hidden):
+        if told:
+            console.print(f"[yellow]{told}[/]", soft_wrap=True)
     return planned
+
+
+def _is_path(source: Path) -> bool:
+    return source.suffix.lower() == ".csv"
+
+
+def _require_used(source: Path, plate_height: float | None, planning: PlanningConfig) -> None:
+    """Refuse settings that lay a path on a cloud, or keep it clear of one, for a given path."""
+    joints, usual = planning.joints, JointPathConfig()
+    for_cloud = (
+        plate_height is not None
+        or planning.pattern != PatternConfig()
+        or planning.largest_rise != PlanningConfig().largest_rise
+        or any(getattr(joints, name) != getattr(usual, name) for name in OF_A_CLOUD)
+    )
+    if _is_path(source) and for_cloud:
+        raise ConfigError(
+            "plate_height, planning.pattern, planning.largest_rise and planning.joints."
+            f"{', '.join(OF_A_CLOUD)} lay a path on a cloud and keep it clear of the body there: "
+            f"leave them out for a path that is given ({source})",
+            source,
+        )
+
+
+def _arm(
+    tcp: tuple[float, ...], calibration: Path | None, cell: Path | None
+) -> tuple[np.ndarray, Clearance, KinematicCalibration]:
+    """The probe tip in the flange, what measures distances, and the arm's own kinematics."""
+    if cell is None:
+        arm = KinematicCalibration.nominal()
+        if calibration is not None:
+            arm = calibration_file.load(calibration)
+        X_FP = se3.from_rotation_vector(np.array(tcp[3:], float), np.array(tcp[:3], float))
+        return X_FP, Clearance(arm=arm), arm
+    if tcp != TWIN_TCP or calibration is not None:
+        raise ConfigError(
+            f"{cell} says where the probe's tip is and what the arm's kinematics are: leave tcp "
+            "and calibration out",
+            cell,
+        )
+    known = Cell.load(cell)
+    return known.X_FP, known.clearance, known.kinematics
 
 
 def _tell(planned: Motion, limits: JointPathConfig, out: Path) -> None:
@@ -163,11 +213,23 @@ def _path(source: Path) -> SkinPath:
     return SkinPath(points_B=points_B, normals_B=normals_B)
 
 
-def _loop(source: Path, plate_height: float | None, config: PatternConfig) -> SkinPath:
-    """The half-height loop on a cloud."""
-    points_B, normals_B = read_cloud(source)
-    lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
-    height = lowest if plate_height is None else plate_height
-    plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
-    skin = skin_fit.fit_cloud(points_B, normals_B, plate)
-    return pattern.half_height_loop(skin, plate, config)
+@dataclass(frozen=True)
+class _Cloud:
+    """Points on the skin, the surface through them, and what they stand on."""
+
+    points_B: Float[np.ndarray, "n 3"]
+    skin: Skin
+    plate: Plane
+
+    @staticmethod
+    def read(source: Path, plate_height: float | None) -> "_Cloud":
+        """A cloud's file, over a plate at this height or at that of its lowest points."""
+        points_B, normals_B = read_cloud(source)
+        lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
+        height = lowest if plate_height is None else plate_height
+        plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
+        return _Cloud(points_B, skin_fit.fit_cloud(points_B, normals_B, plate), plate)
+
+    def loop(self, config: PatternConfig, rise: float) -> SkinPath:
+        """The half-height loop on it, so much higher [m]."""
+        return pattern.half_height_loop(self.skin, self.plate, config, rise)

@@ -73,9 +73,10 @@ def elsewhere() -> Path:
 
 
 def tell_plan(plan: ScanPlan) -> None:
-    """What a user who set a speed has to know of the plan."""
-    if plan.hidden_speed:
-        console.print(f"[yellow]{plan.hidden_speed}[/]", soft_wrap=True)
+    """What a user has to know of the plan: where it is not what was asked for."""
+    for told in (plan.gave_way, plan.hidden_speed):
+        if told:
+            console.print(f"[yellow]{told}[/]", soft_wrap=True)
 
 
 def summarise(out: Path, result: ScanResult) -> None:

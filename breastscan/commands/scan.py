@@ -38,7 +38,6 @@ from sim.cameras import filament
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.video import VideoConfig, render_video
 from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
 from sim.scene import Scene, SceneConfig
 from sim.truth_log import TruthLog
 from sim.twin import Twin
@@ -188,7 +187,7 @@ def _scan_twin(
             with stages.stage("cameras"):
                 camera = twin.camera if cut_off is None else FolderCamera(out / ABORTED)
             result = run_scan(
-                twin.robot, camera, twin.cell, config, clearances=twin.clearances, stages=stages,
+                twin.robot, camera, twin.cell, config, stages=stages,
                 on_plan=tell_plan, cut_off=cut_off,
                 keep=resumption.keep(out, twin.cell, whole, keep_truth, explain=twin.explain),
             )  # fmt: skip
@@ -278,7 +277,6 @@ def _scan_robot(
             "nobody is there to agree to the contact: run in a terminal, or give --yes", None
         )
     require_writable({**settings, **vars(config)})
-    clearances = Clearance(cell, with_chest=False)
     controller = preflight.examine(host)
     source = settings["calibration"] or settings["cell"] or "the scene"
     console.print(_introduction(controller, cell, source), soft_wrap=True)
@@ -300,7 +298,6 @@ def _scan_robot(
                 open_stereo(),
                 cell,
                 config,
-                clearances=clearances,
                 stages=stages,
                 on_plan=tell_plan,
                 keep=keep,

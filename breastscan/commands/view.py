@@ -77,7 +77,7 @@ def view(
             with stages.stage("cameras"):
                 camera = twin.camera
             result = scan(
-                twin.robot, camera, twin.cell, config, clearances=twin.clearances,
+                twin.robot, camera, twin.cell, config,
                 stages=stages, on_plan=shown,
                 keep=resumption.keep(out, twin.cell, whole, explain=twin.explain),
             )  # fmt: skip

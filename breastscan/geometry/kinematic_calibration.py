@@ -137,6 +137,15 @@ class KinematicCalibration:
         frames = _joint_frames(np.ascontiguousarray(q).reshape(-1, 6), self.X_joints, self.X_6F)
         return frames[:, 6].reshape(*q.shape[:-1], 4, 4)
 
+    def link_frames(self, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 6 4 4"]:
+        """Frames in B [m] that rotate with each joint, z along its axis, at angles `q` [rad]."""
+        before = _joint_frames(np.ascontiguousarray(q), self.X_joints, self.X_6F)[:, :6]
+        rotated = np.zeros((*q.shape, 4, 4))
+        rotated[..., 0, 0] = rotated[..., 1, 1] = np.cos(q)
+        rotated[..., 1, 0], rotated[..., 0, 1] = np.sin(q), -np.sin(q)
+        rotated[..., 2, 2] = rotated[..., 3, 3] = 1.0
+        return before @ rotated
+
     def jacobian(self, q: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 6 6"]:
         """Geometric Jacobian of the flange's origin, as `kinematics.jacobian` gives it."""
         J = np.empty((q.size // 6, 6, 6))

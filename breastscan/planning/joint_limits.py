@@ -4,7 +4,6 @@ surroundings and itself.
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,21 +22,58 @@ VIOLATIONS = (
 
 RATES = (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s^2"), ("jerk", "rad/s^3"))
 """What is limited for each joint, and its unit: the angle and its derivatives."""
-CLEARANCE_EVERY = 50
-"""Samples of a trajectory from one measurement of its clearance to the next: 2.5 mm at 25 mm/s and
-500 Hz."""
-SMOOTHING_FRACTION = 0.8
-"""Fraction of the collision margin that must be left where the smoothed roll leaves the measured
-poses."""
+PLANS_SHARE = 0.4
+"""Of the supervisor's limits of speed and acceleration, what a retreat must leave to the plan."""
 
 
-@runtime_checkable
-class Clearances(Protocol):
-    """Measures how far the arm and its tool are from themselves and from what stands around."""
+@dataclass(frozen=True, kw_only=True)
+class Corrections:
+    """What the controller may add to the plan, and what the supervisor lets pass of both
+    together.
+    """
 
-    def __call__(self, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
-        """The minimum gap [m] at each row of joint angles [rad]; negative where shapes overlap."""
-        ...
+    pressing_speed: float
+    """Largest speed of the force's correction along the probe axis [m/s]."""
+    retreat_speed: float
+    """Of the fastest retreat along it [m/s]."""
+    retreat_acceleration: float
+    """Of that [m/s^2]."""
+    stop_time: float
+    """Time in which the path's own speed goes to 0 meanwhile [s]."""
+    joint_speed: float
+    """Largest joint speed of a command [rad/s]."""
+    joint_acceleration: float
+    """Largest joint acceleration of one [rad/s^2]."""
+
+    def fit(self, gains: Float[np.ndarray, "n 6"]) -> Bool[np.ndarray, "n"]:
+        """Whether they leave a share to the plan, with so much motion of each joint per motion
+        along the axis [rad/m].
+        """
+        share, fastest = 1.0 - PLANS_SHARE, max(self.retreat_speed, self.pressing_speed)
+        largest = gains.max(axis=1)
+        return (largest * fastest <= share * self.joint_speed) & (
+            largest * self.retreat_acceleration <= share * self.joint_acceleration
+        )
+
+    def time_scaling(
+        self, q: Float[np.ndarray, "n 6"], period: float, gains: Float[np.ndarray, "n 6"]
+    ) -> float:
+        """Factor by which a trajectory [rad], one sample a period [s], must take longer so that
+        plan and corrections together keep the supervisor's limits; 1 at least.
+        """
+        speed = np.abs(np.gradient(q, period, axis=0))
+        acceleration = np.abs(np.gradient(np.gradient(q, period, axis=0), period, axis=0))
+        # once a retreat has its speed, the path's own has gone down by as much
+        passed = min(self.retreat_speed / self.retreat_acceleration / self.stop_time, 1.0)
+        asked = (
+            (speed, self.joint_speed - gains * self.pressing_speed),
+            (speed * (1.0 - passed), self.joint_speed - gains * self.retreat_speed),
+            (
+                speed / self.stop_time + acceleration,
+                self.joint_acceleration - gains * self.retreat_acceleration,
+            ),
+        )
+        return max(1.0, *(float((wanted / left).max()) for wanted, left in asked))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +122,18 @@ class JointPathConfig:
     floor: float = 0.05
     """Minimum height of elbow, wrist and flange over the base [m]: half a link above the table."""
     collision_margin: float = 0.01
-    """Minimum distance of the arm and its tool from themselves and from what stands around [m],
-    where it is measured."""
+    """Minimum distance of the arm and its tool from themselves and from what stands around [m]."""
+    body_margin: float = 0.005
+    """Minimum distance of the arm and its tool, but the probe's face, from the body as it was seen
+    [m]."""
+    pressed_depth: float = 0.008
+    """How far beyond the planned skin the tip is taken to press then [m]: what the softest tissue,
+    20 kPa, gives way to 5 N."""
+    yielding: float = 0.03
+    """Radius around the touched place within which the skin is not kept clear of [m]: as far as the
+    face reaches, it pushes the skin away from what is behind it."""
+    largest_tilt: float = math.radians(10.0)
+    """How far the probe may lean from the normal where no roll helps [rad]."""
     roll_tolerance: float = math.pi / 2
     """How far the array may roll away from lying across the path [rad]: 0 keeps it there, pi / 2
     and more sets the roll free. Free is the default, because the joints move least; a probe mounted
@@ -101,6 +147,10 @@ class JointPathConfig:
             "singularity_margin": (0.0, 0.99),
             "roll_tolerance": (0.0, math.pi),
             "collision_margin": (0.0, 0.5),
+            "body_margin": (0.0, 0.5),
+            "pressed_depth": (0.0, 0.05),
+            "yielding": (0.0, 0.2),
+            "largest_tilt": (0.0, math.pi / 4),
             "floor": (-2.0, 2.0),
         }
         require_positive(self, "planning.joints", but=tuple(ranges))
@@ -171,12 +221,7 @@ def time_scaling(uses: list[LimitUse]) -> float:
     return max(1.0, *(use.fraction ** (1.0 / order) for order, use in enumerate(rates, start=1)))
 
 
-def check_trajectory(
-    q: Float[np.ndarray, "n 6"],
-    period: float,
-    config: JointPathConfig,
-    clearances: Clearances | None = None,
-) -> None:
+def check_trajectory(q: Float[np.ndarray, "n 6"], period: float, config: JointPathConfig) -> None:
     """Pass a joint trajectory [rad], one sample a period [s], that keeps every limit but those of
     the rates.
 
@@ -198,8 +243,16 @@ def check_trajectory(
             f"sample {sample} of {len(q)} comes {VIOLATIONS[kind]}: move the phantom a little",
             sample,
         )
-    if clearances is not None:
-        _check_clearances(q, config.collision_margin, clearances)
+
+
+def correction_gains(
+    q: Float[np.ndarray, "n 6"], X_FP: Float[np.ndarray, "4 4"]
+) -> Float[np.ndarray, "n 6"]:
+    """Motion of each joint, either way, per motion of the probe along its axis [rad/m]."""
+    axis_B = kinematics.forward(q)[:, :3, :3] @ X_FP[:3, 2]
+    twist = np.concatenate([axis_B, np.zeros_like(axis_B)], axis=1)
+    moved = np.linalg.solve(kinematics.jacobian(q), twist[..., None])[..., 0]
+    return np.abs(moved)
 
 
 def _use(limit: str, unit: str, values: np.ndarray, bounds: np.ndarray) -> LimitUse:
@@ -214,17 +267,3 @@ def _use(limit: str, unit: str, values: np.ndarray, bounds: np.ndarray) -> Limit
         value=float(values[sample, joint]),
         bound=float(bounds[joint]),
     )
-
-
-def _check_clearances(q: np.ndarray, margin: float, clearances: Clearances) -> None:
-    """Some of the samples, close together: between them the arm moves by millimetres."""
-    samples = np.unique(np.append(np.arange(0, len(q), CLEARANCE_EVERY), len(q) - 1))
-    gaps = clearances(q[samples])
-    worst = int(np.argmin(gaps))
-    if not gaps[worst] >= margin * SMOOTHING_FRACTION:
-        raise PlanningError(
-            f"at sample {samples[worst]} of {len(q)} the arm is {gaps[worst] * 1e3:.1f} mm from "
-            f"itself or its surroundings, closer than {margin * SMOOTHING_FRACTION * 1e3:.1f} mm: "
-            "move the phantom a little",
-            float(gaps[worst]),
-        )

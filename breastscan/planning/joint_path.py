@@ -11,7 +11,7 @@ from jaxtyping import Float
 from breastscan.errors import PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning import redundancy
+from breastscan.planning import probe_poses
 from breastscan.planning.redundancy import RedundancyResolution
 
 
@@ -43,7 +43,7 @@ def follow(
         PlanningError: The branch ends somewhere on the path, or before or after it.
     """
     X_BP = chosen.poses(positions_B, normals_B)
-    before, after = redundancy.retreated(X_BP[[0, -1]], clearance)
+    before, after = probe_poses.retreated(X_BP[[0, -1]], clearance)
     X_BF = np.concatenate([before[None], X_BP, after[None]]) @ se3.inverse(X_FP)
     q = kinematics.inverse_branches(X_BF)[:, chosen.branch]
     if calibration is not None:
@@ -51,9 +51,10 @@ def follow(
     lost = np.isnan(q[:, 0])
     if lost.any():
         bad = int(np.argmax(lost))
+        where = {0: "clear of the skin before the path", len(q) - 1: "clear of it after the path"}
         raise PlanningError(
-            f"the arm loses its configuration at sample {bad} of {len(q)}: raise "
-            "joints.singularity_margin, or move the phantom",
+            f"{where.get(bad, f'at sample {bad} of {len(positions_B)} of the path')} the arm "
+            "cannot go on with its joints bent as before: a singularity lies there",
             bad,
         )
     q = np.unwrap(q, axis=0)  # no jumps of full rotations, and each joint's range about zero

@@ -14,9 +14,10 @@ from jaxtyping import Float
 from breastscan.errors import PlanningError
 from breastscan.geometry import se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning import feedrate, joint_limits, joint_path, redundancy
+from breastscan.planning import feedrate, joint_limits, joint_path, probe_poses, redundancy
+from breastscan.planning.clearance import Clearance
 from breastscan.planning.feedrate import Feed, FeedrateLimits
-from breastscan.planning.joint_limits import Clearances, JointPathConfig
+from breastscan.planning.joint_limits import Corrections, JointPathConfig
 from breastscan.planning.pattern import Path
 
 REACHED = 0.99
@@ -55,6 +56,8 @@ class Motion:
     point."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
+    largest_tilt: float = 0.0
+    """How far the probe leans from the normal at most, where no roll would do [rad]."""
     chest_normal_B: Float[np.ndarray, "3"] | None = None
     """Outward unit normal of the chest, along which breathing moves it; None where it is not known,
     and the probe does not breathe along."""
@@ -88,7 +91,7 @@ class Motion:
         self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
     ) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] with the tip clear of the skin above a row; NaN where out of reach."""
-        X_lifted = redundancy.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
+        X_lifted = probe_poses.retreated(arm.forward(self.q[row]) @ X_FP, self.clearance)
         return arm.refined(self.q[row], X_lifted @ se3.inverse(X_FP))
 
     def require_lift(self, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration) -> None:
@@ -113,7 +116,8 @@ def plan_motion(
     limits: FeedrateLimits,
     config: JointPathConfig,
     *,
-    clearances: Clearances | None = None,
+    clearance: Clearance | None = None,
+    corrections: Corrections | None = None,
     calibration: KinematicCalibration | None = None,
 ) -> tuple[Motion, Feed]:
     """The motion along a path inside every limit of the feedrate and of the arm, and the feed it
@@ -125,8 +129,10 @@ def plan_motion(
         period: Control period [s].
         limits: What the motion along the curve keeps to.
         config: What the joints keep to.
-        clearances: Measures the arm's distance from itself and its surroundings; None leaves that
+        clearance: Measures distances from the arm itself, its cell and the body; None leaves them
             out.
+        corrections: What the controller may add to it, and the supervisor's limits; None leaves
+            that out.
         calibration: The arm's own kinematics; None for the nominal arm's.
 
     Raises:
@@ -135,7 +141,7 @@ def plan_motion(
     """
     feed = feedrate.interpolate(path.curve, limits, period)
     chosen = redundancy.resolve(
-        feed.positions, path.normals(feed.u), X_FP, period, config, clearances
+        feed.positions, path.normals(feed.u), X_FP, period, config, clearance, corrections
     )
     slowed = 1.0
     for _ in range(MAX_PASSES):
@@ -143,8 +149,11 @@ def plan_motion(
             chosen, feed.positions, path.normals(feed.u), X_FP, config.clearance, calibration
         )
         longer = joint_limits.time_scaling(joint_limits.limit_uses(q, period, config))
+        if corrections is not None:
+            gains = joint_limits.correction_gains(q, X_FP)
+            longer = max(longer, corrections.time_scaling(q, period, gains))
         if longer == 1.0:
-            joint_limits.check_trajectory(q, period, config, clearances)
+            joint_limits.check_trajectory(q, period, config)
             qd = np.gradient(q, period, axis=0)
             planned = Motion(
                 q=q,
@@ -153,6 +162,7 @@ def plan_motion(
                 q_approach=q_approach,
                 clearance=config.clearance,
                 slowed=slowed,
+                largest_tilt=chosen.largest_tilt,
             )
             return planned, feed
         slowed *= longer * SLACK

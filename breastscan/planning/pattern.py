@@ -87,7 +87,7 @@ class Path:
         return Nurbs.interpolate(self.normals_B, closed=self.closed, parameters=u)
 
 
-def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig) -> Path:
+def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig, rise: float = 0.0) -> Path:
     """The closed loop round the breast at `config.height_fraction` of its height above the chest
     plate.
 
@@ -98,13 +98,14 @@ def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig) -> Path:
         skin: The breast's, in B.
         plate: Where heights count from, in B.
         config: Number of points, height, smallest radius.
+        rise: How much higher the loop is to lie [m].
 
     Raises:
         PlanningError: The loop is too small, or crosses skin that was not seen.
     """
     top_ab = top(skin, plate)
     height = float(plate.heights(skin.points(top_ab[None]))[0])
-    return level_loop(skin, plate, config.height_fraction * height, config)
+    return level_loop(skin, plate, config.height_fraction * height + rise, config)
 
 
 def top(skin: Skin, plate: Plane) -> Float[np.ndarray, "2"]:

@@ -23,6 +23,10 @@ SHIFTS = np.arange(-3, 4)
 """Rolls by which the next pose may differ."""
 
 
+class BlockedError(PlanningError):
+    """The arm cannot go on at some poses of a path; the error's value are their places in it."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RollGraph:
     """Joint angles and cost of every node."""
@@ -44,7 +48,7 @@ class RollGraph:
         so that no joint rushes in order to let the others rest.
 
         Raises:
-            PlanningError: No path joins the first pose and the last.
+            BlockedError: No path joins the first pose and the last.
         """
         edges = self._edges()
         value, origins = self.cost[0], []
@@ -54,10 +58,10 @@ class RollGraph:
             value = np.min(candidates, axis=0) + cost
             if not np.isfinite(value).any():
                 pose = len(origins)
-                raise PlanningError(
+                raise BlockedError(
                     f"no joint path leads from pose {pose - 1} to pose {pose} of {len(self.q)} "
-                    "along the path without passing a joint's limit or speed, a singularity or the "
-                    "floor: lower the feedrate, free the probe's roll or move the phantom",
+                    "along the path without passing a joint's limit, a singularity, its cell or "
+                    "the body",
                     pose,
                 )
         roll, branch = np.unravel_index(np.argmin(value), value.shape)

@@ -105,7 +105,6 @@ def scanned(
             twin.camera,
             twin.cell,
             ScanConfig(contact=contact),
-            clearances=twin.clearances,
         )
         return Scanned(
             name=f"errors {'off' if rig is None else 'on'}, {force:g} N",

@@ -75,7 +75,7 @@ def _scanned(run: Run, pictures: Path) -> dict[str, Any]:
             with stages.stage("cameras"):
                 camera = twin.camera
             result = scan(
-                twin.robot, camera, twin.cell, config, clearances=twin.clearances, stages=stages,
+                twin.robot, camera, twin.cell, config, stages=stages,
                 keep=done.keep,
             )  # fmt: skip
             with stages.stage("truth"):

@@ -16,10 +16,11 @@ import numpy as np
 from jaxtyping import Float
 
 from breastscan.geometry import se3
+from breastscan.geometry.arm_hulls import LINK_CAPSULES
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.kinematics import DH_A, DH_ALPHA, DH_D
 from breastscan.robot.ur.ur5e import ANGLE_LIMIT
-from sim.arm.ur5e_shapes import MATERIALS, base_shapes, link_capsules, link_shapes
+from sim.arm.ur5e_shapes import MATERIALS, base_shapes, link_shapes
 from sim.room.describe import Element, add_collision, add_materials, add_visual, placed
 
 JOINT_END = ANGLE_LIMIT + np.deg2rad(15.0)
@@ -136,7 +137,7 @@ def _add_link(body: Element, number: int, joint: Joint) -> None:
         actuatorfrcrange=(-joint.torque, joint.torque), actuatorgravcomp=True,
     )  # fmt: skip
     _add_shapes(body, f"link{number}", link_shapes(number))
-    for k, (start, end, radius) in enumerate(link_capsules(number)):
+    for k, (start, end, radius) in enumerate(LINK_CAPSULES[number - 1]):
         add_collision(
             body,
             f"link{number}_hull{k}",

@@ -6,6 +6,19 @@ DH frame before it. Measures are read off the arm's outline; they carry no mecha
 
 import trimesh
 
+from breastscan.geometry.arm_hulls import (
+    FOREARM_LENGTH,
+    FOREARM_OFFSET,
+    LARGE,
+    MEDIUM,
+    SHOULDER_HEIGHT,
+    SMALL,
+    UPPER_ARM_LENGTH,
+    UPPER_ARM_OFFSET,
+    WRIST_1,
+    WRIST_2,
+)
+from breastscan.geometry.kinematics import DH_D
 from sim.room.shapes import (
     MINUS_X,
     MINUS_Y,
@@ -22,7 +35,6 @@ from sim.room.shapes import (
 )
 
 Shapes = dict[str, trimesh.Trimesh]
-Capsule = tuple[Point, Point, float]
 
 
 MATERIALS = {
@@ -32,16 +44,7 @@ MATERIALS = {
     "metal": ((0.52, 0.53, 0.55, 1.0), 0.55),
 }
 
-SHOULDER_HEIGHT = 0.1625
-UPPER_ARM_LENGTH, UPPER_ARM_OFFSET = 0.425, 0.138
-FOREARM_LENGTH, FOREARM_OFFSET = 0.3922, 0.007
-WRIST_1 = 0.1333
-WRIST_2 = 0.0997
-WRIST_3 = 0.0996
-LARGE = 0.060
-MEDIUM = 0.054
-SMALL = 0.0455
-"""Radii of the three joint sizes [m]."""
+WRIST_3 = float(DH_D[5])
 SEAL = 0.006
 """Width of the dark gap between two links [m]."""
 GROOVE = 0.002
@@ -65,22 +68,6 @@ def base_shapes() -> Shapes:
 def link_shapes(number: int) -> Shapes:
     """Shapes of link 1 to 6 by material."""
     return (_shoulder, _upper_arm, _forearm, _wrist_1, _wrist_2, _wrist_3)[number - 1]()
-
-
-def link_capsules(number: int) -> list[Capsule]:
-    """Capsules (start, end, radius) that enclose link 1 to 6."""
-    elbow, wrist = -UPPER_ARM_LENGTH, -FOREARM_LENGTH
-    return {
-        1: [((0.0, 0.0, 0.13), (0.0, 0.0, SHOULDER_HEIGHT), 0.065)],
-        2: [
-            ((0.0, 0.0, UPPER_ARM_OFFSET), (elbow, 0.0, UPPER_ARM_OFFSET), LARGE),
-            ((elbow, 0.0, 0.10), (elbow, 0.0, 0.16), LARGE),
-        ],
-        3: [((0.0, 0.0, FOREARM_OFFSET), (wrist, 0.0, FOREARM_OFFSET), MEDIUM)],
-        4: [((0.0, 0.0, 0.08), (0.0, 0.0, WRIST_1 + 0.01), SMALL)],
-        5: [((0.0, 0.0, 0.07), (0.0, 0.0, WRIST_2 + 0.01), SMALL)],
-        6: [((0.0, 0.0, 0.055), (0.0, 0.0, 0.065), 0.034)],
-    }[number]
 
 
 def _seal(radius: float, start: Point, axis: Point) -> trimesh.Trimesh:

@@ -14,13 +14,13 @@ from jaxtyping import Float
 from breastscan.camera.interface import StereoPair
 from breastscan.errors import ConfigError
 from breastscan.geometry import kinematics, se3
+from breastscan.planning.clearance import Clearance
 from breastscan.vision.board import Board
 from sim.cameras.board import BoardScene, X_FBoard, centred, seen_by_both, tilted
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.camera_errors import CameraConfig
 from sim.robot import SimRobot
-from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
+from sim.room.cell import walled_cell
 from sim.scene import HOME_Q, SceneConfig
 
 TRIES = 200
@@ -96,7 +96,7 @@ def joint_poses(
     """Joint angles [rad] that show the whole board to both cameras, tilted about ever new axes,
     near one another.
     """
-    clearance, poses = Clearance(cell_of(scene)), [HOME_Q]
+    clearance, poses = walled_cell(scene).clearance, [HOME_Q]
     for number in range(config.poses):
         poses.append(_joint_pose(scene, clearance, board, config, number, poses[-1], rng))
     return np.array(poses[1:])

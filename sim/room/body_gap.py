@@ -18,14 +18,19 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from breastscan.geometry import se3
+from breastscan.geometry.hulls import BOX, CAPSULE, CYLINDER, placed_distance, signed_distance
 from sim.arm.ur5e import joint_names
 from sim.room.chest import chest_block, chest_distance
 from sim.room.describe import ARM_BIT
 from sim.scene import Scene
-from sim.wrist.probe_face import components_P
 
-CYLINDER, BOX = int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_BOX)
-"""MuJoCo's numbers of two kinds of hull; every other one is a capsule."""
+KIND_OF_GEOM = {
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): CAPSULE,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): CYLINDER,
+    int(mujoco.mjtGeom.mjGEOM_BOX): BOX,
+}
+"""The kinds of hulls of `geometry.hulls` by MuJoCo's numbers."""
 RUN = 16
 """Vertices of the skin that follow one another, and lie together, are passed over together."""
 STRETCH = 0.006
@@ -54,7 +59,8 @@ class BodyGap:
         self._joints = [model.joint(name).qposadr[0] for name in joint_names()]
         # the probe first: what is near already spares a look at the others
         self._hulls = np.flatnonzero(model.geom_contype == ARM_BIT)[::-1]
-        self._kinds, self._sizes = model.geom_type[self._hulls], model.geom_size[self._hulls]
+        kinds = [KIND_OF_GEOM[kind] for kind in model.geom_type[self._hulls].tolist()]
+        self._kinds, self._sizes = np.array(kinds), model.geom_size[self._hulls]
         self._X_BS = scene.X_BS
         skin, centre_S = scene.phantom.skin, np.array([0.0, 0.0, scene.phantom.height / 2])
         faces = trimesh.Trimesh(skin.vertices_S, skin.triangles, process=False).vertex_faces
@@ -81,10 +87,10 @@ class BodyGap:
         data.qpos[self._joints] = q
         mujoco.mj_kinematics(self._model, data)
         p_SH = (data.geom_xpos[self._hulls] - self._X_BS[:3, 3]) @ R_BS - [0.0, 0.0, rise]
-        R_SH = R_BS.T @ data.geom_xmat[self._hulls].reshape(-1, 3, 3)
-        smallest = _to_chest(p_SH, R_SH, *self._points, *self._chest, self.smallest)
+        X_SH = se3.pose(R_BS.T @ data.geom_xmat[self._hulls].reshape(-1, 3, 3), p_SH)
+        smallest = _to_chest(X_SH, *self._points, *self._chest, self.smallest)
         self.smallest = _to_skin(
-            self._kinds, self._sizes, p_SH, R_SH, skin_S, *self._skin, self._runs, *self._ball,
+            self._kinds, self._sizes, X_SH, skin_S, *self._skin, self._runs, *self._ball,
             smallest,
         )  # fmt: skip
 
@@ -119,14 +125,14 @@ def _points(
 
 @numba.njit(cache=True)
 @no_type_check
-def _to_chest(p_SH, R_SH, points, radii, rows, curvature, half, smallest):
+def _to_chest(X_SH, points, radii, rows, curvature, half, smallest):
     """The smaller of a gap and the smallest between the hulls' points and the chest [m]."""
     for k in range(len(points)):
-        p_S, R_S = p_SH[rows[k]], R_SH[rows[k]]
+        X = X_SH[rows[k]]
         a, b, c = points[k]
-        x = p_S[0] + R_S[0, 0] * a + R_S[0, 1] * b + R_S[0, 2] * c
-        y = p_S[1] + R_S[1, 0] * a + R_S[1, 1] * b + R_S[1, 2] * c
-        z = p_S[2] + R_S[2, 0] * a + R_S[2, 1] * b + R_S[2, 2] * c
+        x = X[0, 0] * a + X[0, 1] * b + X[0, 2] * c + X[0, 3]
+        y = X[1, 0] * a + X[1, 1] * b + X[1, 2] * c + X[1, 3]
+        z = X[2, 0] * a + X[2, 1] * b + X[2, 2] * c + X[2, 3]
         if curvature == 0:
             distance = signed_distance(BOX, half, x, y, z + half[2])
         else:
@@ -137,39 +143,37 @@ def _to_chest(p_SH, R_SH, points, radii, rows, curvature, half, smallest):
 
 @numba.njit(cache=True)
 @no_type_check
-def _to_skin(
-    kinds, sizes, p_SH, R_SH, skin_S, triangles, faces_around, runs, centre_S, radius, smallest
-):
+def _to_skin(kinds, sizes, X_SH, skin_S, triangles, faces_around, runs, centre_S, radius, smallest):
     """The smaller of a gap and the smallest between hulls and skin [m]."""
     x, y, z = centre_S
     for h in range(len(kinds)):
         kind, size = kinds[h], sizes[h]
-        p_S, R_S = p_SH[h], R_SH[h]
-        if _hull_distance(kind, size, p_S, R_S, x, y, z) - radius < smallest:
-            nearest = _nearest_vertex(kind, size, p_S, R_S, skin_S, runs, smallest + SLACK)
+        X = X_SH[h]
+        if placed_distance(kind, size, X, x, y, z) - radius < smallest:
+            nearest = _nearest_vertex(kind, size, X, skin_S, runs, smallest + SLACK)
             for face in faces_around[nearest]:
                 if face >= 0 and nearest >= 0:
-                    gap = _to_triangle(kind, size, p_S, R_S, skin_S, triangles[face])
+                    gap = _to_triangle(kind, size, X, skin_S, triangles[face])
                     smallest = min(smallest, gap)
     return smallest
 
 
 @numba.njit(cache=True)
 @no_type_check
-def _nearest_vertex(kind, size, p_S, R_S, skin_S, runs, gap):
+def _nearest_vertex(kind, size, X, skin_S, runs, gap):
     """The vertex nearest to a hull; -1 if none is nearer than a gap [m]."""
     nearest = -1
     for run in range(len(runs)):
         start, end = run * RUN, min((run + 1) * RUN, len(skin_S))
         k = start + (end - start) // 2
-        middle = _hull_distance(kind, size, p_S, R_S, skin_S[k, 0], skin_S[k, 1], skin_S[k, 2])
+        middle = placed_distance(kind, size, X, skin_S[k, 0], skin_S[k, 1], skin_S[k, 2])
         if middle - runs[run] < gap:
             for i in range(start, end):
                 # as numbers: handing the array on would take three times as long
                 x = skin_S[i, 0]
                 y = skin_S[i, 1]
                 z = skin_S[i, 2]
-                distance = _hull_distance(kind, size, p_S, R_S, x, y, z)
+                distance = placed_distance(kind, size, X, x, y, z)
                 if distance < gap:
                     nearest, gap = i, distance
     return nearest
@@ -177,7 +181,7 @@ def _nearest_vertex(kind, size, p_S, R_S, skin_S, runs, gap):
 
 @numba.njit(cache=True)
 @no_type_check
-def _to_triangle(kind, size, p_S, R_S, skin_S, corners):
+def _to_triangle(kind, size, X, skin_S, corners):
     """Gap between a hull and a triangle of the skin [m]."""
     gap, (a, b, c) = np.inf, corners
     for i in range(PARTS + 1):
@@ -187,43 +191,5 @@ def _to_triangle(kind, size, p_S, R_S, skin_S, corners):
             x = w * skin_S[a, 0] + u * skin_S[b, 0] + v * skin_S[c, 0]
             y = w * skin_S[a, 1] + u * skin_S[b, 1] + v * skin_S[c, 1]
             z = w * skin_S[a, 2] + u * skin_S[b, 2] + v * skin_S[c, 2]
-            gap = min(gap, _hull_distance(kind, size, p_S, R_S, x, y, z))
+            gap = min(gap, placed_distance(kind, size, X, x, y, z))
     return gap
-
-
-@numba.njit(cache=True)
-@no_type_check
-def _hull_distance(kind, size, p_S, R_S, x, y, z):
-    """Signed distance of a point (x, y, z) in S to a hull [m]."""
-    x, y, z = components_P(R_S, x - p_S[0], y - p_S[1], z - p_S[2])
-    return signed_distance(kind, size, x, y, z)
-
-
-@numba.njit(cache=True)
-@no_type_check
-def signed_distance(kind, size, x, y, z):
-    """Signed distance of a point in a hull's own frame to it [m].
-
-    Args:
-        kind: MuJoCo's number of a box, a cylinder or a capsule.
-        size: MuJoCo's sizes of it [m].
-        x: Coordinate of the point [m].
-        y: Coordinate of the point [m].
-        z: Coordinate of the point, along the axis [m].
-    """
-    if kind == BOX:
-        a = abs(x) - size[0]
-        b = abs(y) - size[1]
-        c = abs(z) - size[2]
-    elif kind == CYLINDER:
-        a = math.sqrt(x * x + y * y) - size[0]
-        b = abs(z) - size[1]
-        c = a
-    else:
-        beyond = max(abs(z) - size[1], 0.0)
-        return math.sqrt(x * x + y * y + beyond * beyond) - size[0]
-    inside = min(max(a, b, c), 0.0)
-    a = max(a, 0.0)
-    b = max(b, 0.0)
-    c = max(c, 0.0) if kind == BOX else 0.0
-    return math.sqrt(a * a + b * b + c * c) + inside

@@ -2,14 +2,16 @@
 # (MuJoCo's compiled modules carry no types)
 """The twin's cell: what a robot's file would say of the place that a scene describes."""
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.cell import SIZES, Cell, Shape
+from breastscan.cell import Cell
 from breastscan.geometry import se3
+from breastscan.geometry.hulls import SIZES, Shape
 from sim.room.chest import CHEST_HULL
 from sim.room.describe import ARM_BIT, SURROUNDINGS_BIT
 from sim.scene import Scene
@@ -41,6 +43,13 @@ def cell_of(scene: Scene) -> Cell:
         room=tuple(around.values()),
         kinematics=scene.calibration,
     )
+
+
+def walled_cell(scene: Scene) -> Cell:
+    """The same with the chest among what stands around: for motions that nothing is seen before."""
+    cell = cell_of(scene)
+    chest = () if cell.chest is None else (cell.chest,)
+    return replace(cell, room=(*cell.room, *chest), chest=None)
 
 
 def _shapes(data: mujoco.MjData, which: np.ndarray, X_AB: Float[np.ndarray, "4 4"]) -> list[Shape]:

@@ -124,7 +124,7 @@ class Scanned:
 class ATwin(SimpleNamespace):
     """The twin of a command, as a context; a scan of it stays as it is."""
 
-    scene = tissue = robot = camera = cell = clearances = explain = None
+    scene = tissue = robot = camera = cell = explain = None
 
     def measured(self, result):
         return result
@@ -157,7 +157,7 @@ def recorded_by(command: str) -> dict[str, Any]:
             "Twin": ATwin(), "render_video": None,
             "filament.unusable": None, "preflight.examine": Found(),
             "preflight.opened": nullcontext(), "run_scan": Scanned(),
-            "Clearance": None, "SimStereoCamera": None, "open_camera": None,
+            "SimStereoCamera": None, "open_camera": None,
         },
         "twin": {"serve": None},
         "view": report | {

@@ -103,7 +103,7 @@ def kept(monkeypatch):
         kept.update(taken=cell)
         return Result(config, kept)
 
-    for name in ("Clearance", "SimStereoCamera", "summarise", "_introduction"):
+    for name in ("SimStereoCamera", "summarise", "_introduction"):
         monkeypatch.setattr(scan_command, name, lambda *_, **__: "")
     monkeypatch.setattr(scan_command.preflight, "examine", lambda *_: None)
     monkeypatch.setattr(scan_command.preflight, "opened", lambda link: nullcontext())

@@ -164,6 +164,10 @@ def test_a_path_that_stands_still_is_refused(ring):
         ("singularity_margin", 1.0),
         ("roll_tolerance", -0.1),
         ("floor", np.inf),
+        ("body_margin", -0.001),
+        ("pressed_depth", 0.2),
+        ("yielding", -0.01),
+        ("largest_tilt", 1.0),
     ],
 )
 def test_limits_that_contradict_are_named(name, value):

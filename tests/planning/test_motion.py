@@ -5,10 +5,12 @@ import pytest
 
 from breastscan.errors import PlanningError
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.hulls import Shape
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning import joint_limits, motion
+from breastscan.planning.clearance import Clearance
 from breastscan.planning.feedrate import FeedrateLimits
-from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.joint_limits import Corrections, JointPathConfig
 from breastscan.planning.pattern import Path
 
 PERIOD = 0.002
@@ -124,29 +126,67 @@ def test_a_calibrated_arm_puts_the_tip_on_the_path():
     assert nominal_mm.max() > 0.3
 
 
+def ball(p_B: np.ndarray, radius: float) -> Shape:
+    return Shape(name="ball", kind="sphere", size=(radius,), X=se3.pose(np.eye(3), p_B))
+
+
 def test_the_arm_goes_another_way_round_a_collision(planned):
-    """An obstacle around joint 6's angles that the free plan uses half-way."""
-    forbidden = float(planned.q[len(planned.q) // 2, 5])
-
-    def clearances(q: np.ndarray) -> np.ndarray:
-        return np.abs(np.angle(np.exp(1j * (q[:, 5] - forbidden)))) * 0.05
-
+    """A ball where the wrist would pass half-way."""
+    wrist_B = KinematicCalibration.nominal().link_frames(planned.q)[:, 3, :3, 3]
+    clearance = Clearance(room=[ball(wrist_B[len(wrist_B) // 2] + [0.0, 0.0, 0.05], 0.03)])
     around, _ = motion.plan_motion(
-        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearances=clearances
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearance=clearance
     )
-    assert clearances(planned.q).min() < 1e-3
-    assert clearances(around.q).min() > 0.008
+    assert clearance(planned.q).min() < 0.0
+    assert clearance(around.q[::20]).min() >= JointPathConfig().collision_margin
 
 
-def test_a_collision_that_no_roll_avoids_is_named():
-    with pytest.raises(PlanningError, match="within 10 mm of itself or its surroundings"):
+def test_a_collision_that_no_roll_and_no_tilt_avoids_is_named():
+    """A ball on the path itself, at a hand's breadth over the skin."""
+    middle_B = np.array([0.5, 0.0, 0.2])
+    with pytest.raises(PlanningError, match=r"joints\.collision_margin"):
         motion.plan_motion(
-            loop(),
-            X_FP,
-            PERIOD,
-            FeedrateLimits(),
-            JointPathConfig(),
-            clearances=lambda q: np.full(len(q), 0.005),
+            loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(),
+            clearance=Clearance([ball(X_FP[:3, 3], 0.01)], [ball(middle_B, 0.12)]),
+        )  # fmt: skip
+
+
+def test_a_corrected_plan_keeps_the_supervisors_limits():
+    """Whatever the correction does along the axis: its speed through the Jacobian, on top of the
+    plan's own, is no more than a command may ask for.
+    """
+    corrections = Corrections(
+        pressing_speed=0.06,
+        retreat_speed=0.1,
+        retreat_acceleration=2.5,
+        stop_time=0.1,
+        joint_speed=0.6,
+        joint_acceleration=40.0,
+    )
+    free = plan()
+    slowed, _ = motion.plan_motion(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), corrections=corrections
+    )
+    assert slowed.slowed > 1.0
+    for moved, keeps in ((free, False), (slowed, True)):
+        axis_B = (kinematics.forward(moved.q) @ X_FP)[:, :3, 2]
+        twist = np.hstack([0.06 * axis_B, np.zeros_like(axis_B)])
+        asked = np.linalg.solve(kinematics.jacobian(moved.q), twist[..., None])[..., 0]
+        assert ((np.abs(moved.qd) + np.abs(asked)).max() <= 0.6 + 1e-6) == keeps
+
+
+def test_a_retreat_that_leaves_nothing_to_the_plan_is_refused_by_its_reason():
+    corrections = Corrections(
+        pressing_speed=0.06,
+        retreat_speed=0.1,
+        retreat_acceleration=2.5,
+        stop_time=0.1,
+        joint_speed=0.1,
+        joint_acceleration=40.0,
+    )
+    with pytest.raises(PlanningError, match="the fastest retreat"):
+        motion.plan_motion(
+            loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), corrections=corrections
         )
 
 

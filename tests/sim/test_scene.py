@@ -10,8 +10,7 @@ from breastscan.geometry import se3
 from breastscan.vision.camera import StereoRig
 from sim.arm.deviations import ArmConfig
 from sim.cameras.camera import SimStereoCamera
-from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
+from sim.room.cell import walled_cell
 from sim.room.describe import VISUAL_GROUP
 from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.wrist.probe import payload, tip_pose
@@ -71,12 +70,12 @@ def test_the_parked_arm_hides_nothing_of_the_phantom(quiet_scene, pictures, side
 
 
 def test_the_parked_arm_keeps_clear_of_everything(quiet_scene):
-    closest = Clearance(cell_of(quiet_scene)).closest(HOME_Q)
+    closest = walled_cell(quiet_scene).clearance.closest(HOME_Q)
     assert closest.distance > 0.03, closest
 
 
 def test_an_arm_in_the_table_is_found(quiet_scene):
-    closest = Clearance(cell_of(quiet_scene)).closest(np.array([np.pi, 0.3, 0, 0, 0, 0]))
+    closest = walled_cell(quiet_scene).clearance.closest(np.array([np.pi, 0.3, 0, 0, 0, 0]))
     assert closest.distance < 0
     assert closest.of_other in {"table_hull", "chest_hull"}
 

@@ -10,8 +10,7 @@ from sim.cameras.board import BoardScene, X_FBoard, seen_by_both
 from sim.cameras.camera import SimStereoCamera
 from sim.cameras.held_board import CLEARANCE, PoseConfig, joint_poses
 from sim.cameras.shown_board import ShotConfig, board_poses
-from sim.room.cell import cell_of
-from sim.room.clearance import Clearance
+from sim.room.cell import walled_cell
 from sim.scene import SceneConfig
 
 BOARD = Board()
@@ -46,7 +45,7 @@ def test_the_shots_are_in_view_tilted_and_spread(free):
 def test_the_arm_reaches_every_pose_without_touching_anything():
     scene, config = BoardScene(SceneConfig(), BOARD, held=True), PoseConfig()
     q = joint_poses(scene, BOARD, config, np.random.default_rng(0))
-    clearance = Clearance(cell_of(scene))
+    clearance = walled_cell(scene).clearance
     X_LBoard = se3.inverse(scene.X_BL) @ kinematics.forward(q) @ X_FBoard
     assert len(q) == config.poses
     assert all(seen_by_both(scene.rig, X, BOARD) for X in X_LBoard)
