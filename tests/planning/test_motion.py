@@ -133,7 +133,7 @@ def ball(p_B: np.ndarray, radius: float) -> Shape:
 def test_the_arm_goes_another_way_round_a_collision(planned):
     """A ball where the wrist would pass half-way."""
     wrist_B = KinematicCalibration.nominal().link_frames(planned.q)[:, 3, :3, 3]
-    clearance = Clearance(room=[ball(wrist_B[len(wrist_B) // 2] + [0.0, 0.0, 0.05], 0.03)])
+    clearance = Clearance(room=[ball(wrist_B[len(wrist_B) // 2] + [0.0, 0.0, 0.05], 0.01)])
     around, _ = motion.plan_motion(
         loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), clearance=clearance
     )
@@ -160,7 +160,7 @@ def test_a_corrected_plan_keeps_the_supervisors_limits():
         retreat_speed=0.1,
         retreat_acceleration=2.5,
         stop_time=0.1,
-        joint_speed=0.6,
+        joint_speed=0.5,
         joint_acceleration=40.0,
     )
     free = plan()
@@ -172,7 +172,7 @@ def test_a_corrected_plan_keeps_the_supervisors_limits():
         axis_B = (kinematics.forward(moved.q) @ X_FP)[:, :3, 2]
         twist = np.hstack([0.06 * axis_B, np.zeros_like(axis_B)])
         asked = np.linalg.solve(kinematics.jacobian(moved.q), twist[..., None])[..., 0]
-        assert ((np.abs(moved.qd) + np.abs(asked)).max() <= 0.6 + 1e-6) == keeps
+        assert ((np.abs(moved.qd) + np.abs(asked)).max() <= 0.5 + 1e-6) == keeps
 
 
 def test_a_retreat_that_leaves_nothing_to_the_plan_is_refused_by_its_reason():

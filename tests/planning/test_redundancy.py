@@ -50,7 +50,7 @@ def drawn(number: int) -> Phantom:
 
 
 def loop(phantom: Phantom, X_BS: np.ndarray, height: float) -> Path:
-    """Fifteen points of its true contour at a height [m], counter-clockwise from the robot's side."""
+    """Fifteen points of its true contour at a height [m], counter-clockwise from the robot on."""
     contour = phantom.level_loop(height, 900)
     contour = np.roll(contour, -int(contour[:, 0].argmin()), axis=0)
     steps = np.linalg.norm(np.diff(contour, axis=0, append=contour[:1]), axis=1)
@@ -107,8 +107,8 @@ def test_every_breasts_loop_keeps_clear_of_the_body(scene, number):
 
 
 def test_a_flat_breasts_probe_leans_up_no_more_than_allowed_and_says_so(scene):
-    """With a margin of 9 mm no roll keeps a small dense breast's probe clear of the chest."""
-    found, _ = fitted(scene, 1, body_margin=0.009)
+    """With a margin of 7 mm no roll keeps a small dense breast's probe clear of the chest."""
+    found, _ = fitted(scene, 1, body_margin=0.007)
     assert 0.0 < found.motion.largest_tilt <= JOINTS.largest_tilt
     assert found.told is not None
     assert "leans from the normal" in found.told
@@ -133,15 +133,15 @@ def test_a_refusal_names_what_binds_and_what_was_tried(scene):
 
 
 def test_a_refusal_names_a_place_that_was_tried_with_success(scene):
-    """The breast 15 cm too far: nearer to the base it fits."""
+    """The breast 20 cm too far: 30 mm nearer to the base it fits."""
     phantom = drawn(0)
     asked = task(scene, phantom)
-    X = se3.pose(np.eye(3), np.array([0.29, 0.0, 0.0]))
+    X = se3.pose(np.eye(3), np.array([0.2, 0.0, 0.0]))
     assert asked.clearance is not None
     far = Task(**{**vars(asked), "clearance": asked.clearance.with_body_moved(X)})
     near = loop(phantom, scene.X_BS, phantom.height / 2)
     path = Path(points_B=se3.transform(X, near.points_B), normals_B=near.normals_B)
-    with pytest.raises(PlanningError, match=r"nearer to the robot's base it would fit"):
+    with pytest.raises(PlanningError, match="30 mm nearer to the robot's base it would fit"):
         fit(lambda rise: path, [0.0], far)
 
 
@@ -169,7 +169,7 @@ def _faults_along(found: Fitted, asked: Task) -> list[str]:
 
 def test_a_tilt_takes_the_normals_to_their_mean_and_no_farther():
     rng = np.random.default_rng(0)
-    normals_B = rng.standard_normal((50, 3)) + [0.0, 0.0, 3.0]
+    normals_B = rng.standard_normal((50, 3)) + np.array([0.0, 0.0, 3.0])
     normals_B /= np.linalg.norm(normals_B, axis=1, keepdims=True)
     mean_B = normals_B.mean(axis=0)
     tilt = rng.uniform(0.0, 0.3, 50)
