@@ -380,7 +380,13 @@ def reconstruct_breast(
     with stages.stage("segmentation"):
         breast = segment.segment_breast(triangulation.triangulate(matched, pair), config.segment)
     with stages.stage("refinement"):
-        refined = refine.refine(pair.left, pair.right, matched, breast.mask, config.refine)
+        refined, around = (
+            refine.refine(pair.left, pair.right, matched, part, config.refine)
+            for part in (breast.mask, breast.ring)
+        )
+        breast = segment.on_refined(
+            breast, triangulation.triangulate(around.disparity, pair)
+        )
     with stages.stage("surface"):
         skin, seen = skin_view.see_skin(pair, refined, breast)
         points_L = np.full((*seen.shape, 3), np.nan)

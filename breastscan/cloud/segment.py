@@ -1,12 +1,13 @@
-"""Tell the breast from the chest plate it stands on, the table below and whatever else is in view.
+"""Tell the breast from the chest it stands on, the table below and whatever else is in view.
 
-Planes are sought from the most to the least extended: the table comes first, the plate after it. A
-breast is a connected bump of plausible size that rises without a step, which a plate above a table
-does not, from a plane that goes on around it, which a cut through the breast itself does not.
+Planes are sought from the most to the least extended, and bent where more points then lie on them:
+the table comes first, the chest after it. A breast is a connected bump of plausible size that rises
+without a step, which a chest above a table does not, from a chest that goes on around it, which a
+cut through the breast itself does not. The chest around its foot is what its heights count from.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,7 +15,9 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import binary_fill_holes
 
 from breastscan.checks import require_positive, require_seed
+from breastscan.cloud.chest_fit import fit_chest, lie_as_well
 from breastscan.errors import ConfigError, NoBreastError
+from breastscan.geometry.chest import Chest
 from breastscan.geometry.plane import Plane
 
 PLANE_SAMPLE = 50_000
@@ -28,7 +31,37 @@ CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 EDGE_PX = 2
 """How far from its core a bump may grow to its foot [px]."""
 RING_WIDTH = 0.25
-"""Width of the ring around a bump that must be plate, as a fraction of the bump's own."""
+"""Width of the ring around a bump that must be chest, as a fraction of the bump's own."""
+FIT_WIDTH = 0.4
+"""Width of the ring that the chest is fitted to, as a fraction of the bump's own."""
+FIT_POINTS = 6000
+"""Points of it that are."""
+REFINED_TOLERANCE = 5e-4
+"""Largest distance of a refined point from the chest that it supports [m]."""
+FIT_DEPTH = 4.0
+"""Points of the ring farther from the chest so far than so many times the tolerance are left
+out."""
+SMALLEST_RING_PX = 500
+"""Pixels of the chest around a breast that must be seen."""
+LARGEST_GAP_FLAT, LARGEST_GAP_BENT = np.radians(240.0), np.radians(120.0)
+"""Angles around a breast over which a flat and a bent chest need not be seen [rad]."""
+SIDES = (
+    "right", "lower right", "lower side", "lower left", "left", "upper left", "upper side",
+    "upper right",
+)  # fmt: skip
+"""Of a picture, clockwise from the right."""
+SETTLINGS = 6
+"""How often bump and chest around it are found anew, at most."""
+LEEWAY = 1.5
+"""Factor by which a bump may be too small or too wide for its foot to be looked for."""
+REFITS = 3
+"""How often the chest is fitted to refined points, each time to those near the one before."""
+SETTLED = 0.002
+"""Change of the bump's pixels that ends it [-]."""
+GROWTHS = 8
+"""How often a plane is bent to the points that then lie on it."""
+GROWN = 1.15
+"""Points that a bent plane must hold, over those that it holds flat [-]."""
 BUMPS = 5
 """Objects on one plane that are looked at, the largest in the image first."""
 SMALLEST_PX = 2000
@@ -50,7 +83,7 @@ class SegmentConfig:
     """Skin lower than this over the plate is left out [m]: below it plate and skin cannot be told
     apart."""
     plane_tolerance: float = 2.5e-3
-    """Largest distance of a point from the plane it supports [m]."""
+    """Largest distance of a point from the plane or chest it supports [m]."""
     width_range: tuple[float, float] = (0.06, 0.25)
     """Plausible diameters of the breast's base [m], as a circle of equal area."""
     height_range: tuple[float, float] = (0.01, 0.12)
@@ -81,12 +114,17 @@ class Breast:
 
     mask: Bool[np.ndarray, "h w"]
     """Pixels that see the breast; pixels without a point that it surrounds are included."""
-    plate: Plane
-    """The chest plate in L, above it is towards the camera."""
+    plate: Chest
+    """The chest in L, above it is towards the camera."""
     width: float
     """Diameter of a circle with the area of its base [m]."""
     height: float
-    """Height of its top over the plate [m]."""
+    """Height of its top over the chest [m]."""
+
+    @property
+    def ring(self) -> Bool[np.ndarray, "h w"]:
+        """Pixels around it, most of which see the chest."""
+        return _ring(self.mask, RING_WIDTH)
 
 
 def segment_breast(
@@ -95,28 +133,87 @@ def segment_breast(
     """Find the breast in an organised cloud in L [m], NaN where unknown.
 
     Raises:
-        NoBreastError: No plane in view carries a bump of plausible size.
+        NoBreastError: No chest in view carries a bump of plausible size, or several do.
     """
     config = config or SegmentConfig()
     rejected = []
-    for plane in _planes(points, config):
-        heights = plane.heights(points)
-        for breast in _bumps(points, heights, plane, config):
-            fault = _fault(breast, heights, config)
-            if not fault:
-                return breast
-            rejected.append(f"an object {fault} (plane at {-1e3 * plane.offset:.0f} mm)")
+    for chest in _chests(points, config):
+        heights = chest.heights(points)
+        found: list[Breast] = []
+        for box, core in _bumps(heights, config):
+            breast, fault = _judged(points, box, core, chest, config)
+            if fault:
+                rejected.append(f"an object {fault} (plane at {-1e3 * chest.offset:.0f} mm)")
+            elif not any((breast.mask & other.mask).any() for other in found):
+                found.append(breast)
+        if found:
+            _require_one(found)
+            return found[0]
     low, high = (1e3 * width for width in config.width_range)
     raise NoBreastError(
-        f"expected a breast {low:.0f} to {high:.0f} mm wide on a flat chest plate, found "
+        f"expected a breast {low:.0f} to {high:.0f} mm wide on a chest, found "
         f"{', '.join(rejected[:LISTED]) or 'nothing that stands on a plane'}: move the cameras "
-        "until breast and plate are in view of both, and look at the disparity for missing depth",
+        "until breast and chest are in view of both, and look at the disparity for missing depth",
         rejected,
     )
 
 
-def _planes(points: Float[np.ndarray, "h w 3"], config: SegmentConfig) -> Iterator[Plane]:
-    """The planes that most points support, the most extended first."""
+def _require_one(found: list[Breast]) -> None:
+    """Refuse to choose among several breasts."""
+    if len(found) > 1:
+        places = []
+        for breast in found:
+            row, column = (int(np.median(pixels)) for pixels in np.nonzero(breast.mask))
+            places.append(f"one {1e3 * breast.width:.0f} mm wide at column {column}, row {row}")
+        raise NoBreastError(
+            f"expected one breast in view, found {len(found)} ({', '.join(places)} of the left "
+            "picture): cover all but the one to be scanned",
+            places,
+        )
+
+
+def on_refined(breast: Breast, points: Float[np.ndarray, "h w 3"]) -> Breast:
+    """The breast on the chest through the refined points of its ring, in L [m]: those that the
+    matcher alone finds have errors in common, up to .5 mm where the disparity hardly changes.
+    """
+    chest = breast.plate
+    for _ in range(REFITS):
+        ring = _around(points, breast.mask, chest, RING_WIDTH, REFINED_TOLERANCE)
+        if len(ring) >= SMALLEST_RING_PX:
+            chest = fit_chest(ring, chest.middle, chest.normal, REFINED_TOLERANCE)
+    _require_seen(ring, chest)
+    return replace(breast, plate=chest)
+
+
+def _require_seen(ring: Float[np.ndarray, "n 3"], chest: Chest) -> None:
+    """Refuse a chest of which a side is not seen, where it takes all sides to tell how it bends."""
+    on_chest = ring[np.abs(chest.heights(ring)) < REFINED_TOLERANCE] - chest.middle
+    azimuth = np.sort(np.arctan2(on_chest[:, 1], on_chest[:, 0]))
+    if len(azimuth) < SMALLEST_RING_PX:
+        raise NoBreastError(
+            f"only {len(azimuth)} px of the chest around the breast are seen, and its heights "
+            "count from there: move the cameras or whatever covers it",
+            len(azimuth),
+        )
+    gaps = np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi))
+    widest = int(np.argmax(gaps))
+    if gaps[widest] > (LARGEST_GAP_FLAT if chest.is_flat else LARGEST_GAP_BENT):
+        centre = azimuth[widest] + gaps[widest] / 2
+        raise NoBreastError(
+            f"the chest is not seen over {np.degrees(gaps[widest]):.0f} degrees around the breast, "
+            f"towards the {_side(centre)} of the left picture, and its heights count from there: "
+            "let the cameras look more squarely at the chest, or move what covers it",
+            float(gaps[widest]),
+        )
+
+
+def _side(azimuth: float) -> str:
+    """In words, which side of a picture lies at an angle from its right to below [rad]."""
+    return SIDES[round(azimuth / (np.pi / 4)) % len(SIDES)]
+
+
+def _chests(points: Float[np.ndarray, "h w 3"], config: SegmentConfig) -> Iterator[Chest]:
+    """The planes that most points support, bent where more then do, the most extended first."""
     rng = np.random.default_rng(config.seed)
     known = points[np.isfinite(points).all(axis=-1)]
     rest = known[rng.integers(len(known), size=PLANE_SAMPLE)] if len(known) else known
@@ -127,11 +224,30 @@ def _planes(points: Float[np.ndarray, "h w 3"], config: SegmentConfig) -> Iterat
         plane = _refined(
             _best_proposal(rest, config.plane_tolerance, rng), rest, config.plane_tolerance
         )
-        supported = np.abs(plane.heights(rest)) < 2 * config.plane_tolerance
+        chest = _bent(plane, rest, config.plane_tolerance)
+        supported = np.abs(chest.heights(rest)) < 2 * config.plane_tolerance
         if np.count_nonzero(supported) < enough:
             return
-        yield plane
+        yield chest
         rest = rest[~supported]
+
+
+def _bent(plane: Plane, rest: Float[np.ndarray, "n 3"], tolerance: float) -> Chest:
+    """The plane, bent as the points ask that lie on it, and those that do so then; flat unless
+    clearly more do.
+    """
+    near = np.abs(plane.heights(rest)) < tolerance
+    middle = rest[near].mean(axis=0)
+    flat = Chest(normal=plane.normal, offset=plane.offset, middle=middle, bend=np.zeros((3, 3)))
+    bent, held = flat, near
+    for _ in range(GROWTHS):
+        some = rest[held][:: max(1, np.count_nonzero(held) // JURY)]
+        bent = fit_chest(some, some.mean(axis=0), bent.normal, tolerance)
+        held = np.abs(bent.heights(rest)) < tolerance
+        if bent.is_flat or not held.any():
+            break
+    grown = np.count_nonzero(held) > GROWN * np.count_nonzero(near)
+    return bent if grown else flat
 
 
 def _best_proposal(
@@ -170,37 +286,121 @@ def _towards_camera(normal: Float[np.ndarray, "3"], offset: float) -> Plane:
 
 
 def _bumps(
+    heights: Float[np.ndarray, "h w"], config: SegmentConfig
+) -> Iterator[tuple[tuple[slice, slice], Bool[np.ndarray, "a b"]]]:
+    """The connected regions above a chest, the largest first: a box of the image with room around,
+    and which of its pixels they are.
+    """
+    count, labels, boxes = _regions(heights, config)
+    for label in 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]:
+        x, y, width, height = boxes[label, :4].tolist()
+        margin = EDGE_PX + 1 + round(FIT_WIDTH * max(width, height))
+        box = (
+            slice(max(y - margin, 0), y + height + margin),
+            slice(max(x - margin, 0), x + width + margin),
+        )
+        yield box, labels[box] == label
+
+
+def _regions(heights: Float[np.ndarray, "h w"], config: SegmentConfig) -> tuple:
+    """Number, labels and boxes of the connected regions above a chest."""
+    above = cv2.morphologyEx((heights > config.cut_height).astype(np.uint8), cv2.MORPH_OPEN, CROSS)
+    return cv2.connectedComponentsWithStats(above, connectivity=4)[:3]
+
+
+def _judged(
+    points: Float[np.ndarray, "h w 3"],
+    box: tuple[slice, slice],
+    core: Bool[np.ndarray, "a b"],
+    chest: Chest,
+    config: SegmentConfig,
+) -> tuple[Breast, str]:
+    """A bump on the chest around its own foot, and why it is no breast; empty if it may be one."""
+    near = points[box]
+    heights = chest.heights(near)
+    breast = _breast(near, heights, core, chest, config)
+    fault = _fault(breast, heights, config)
+    low, high = config.width_range
+    plausible = low / LEEWAY < breast.width < LEEWAY * high
+    for _ in range(SETTLINGS if plausible and breast.mask.sum() >= SMALLEST_PX else 0):
+        ring = _around(near, breast.mask, chest, FIT_WIDTH, config.plane_tolerance)
+        if len(ring) >= SMALLEST_RING_PX:
+            found = fit_chest(
+                ring, _middle(near, breast.mask, chest), chest.normal, config.plane_tolerance
+            )
+            chest = chest if lie_as_well(ring, chest, found, config.plane_tolerance) else found
+        heights = chest.heights(near)
+        before, core = core, _most_of(core, heights, config)
+        breast = _breast(near, heights, core, chest, config)
+        fault = _fault(breast, heights, config)
+        if np.count_nonzero(before ^ core) < SETTLED * np.count_nonzero(core):
+            break
+    mask = np.zeros(points.shape[:2], bool)
+    mask[box] = breast.mask
+    return replace(breast, mask=mask), fault or _cut_off(mask)
+
+
+def _cut_off(mask: Bool[np.ndarray, "h w"]) -> str:
+    """That a border of the picture cuts a bump off; empty if none does."""
+    borders = {"upper": mask[0], "lower": mask[-1], "left": mask[:, 0], "right": mask[:, -1]}
+    touched = [name for name, pixels in borders.items() if pixels.any()]
+    return f"cut off by the {' and '.join(touched)} border of the left picture" if touched else ""
+
+
+def _around(
+    points: Float[np.ndarray, "h w 3"],
+    mask: Bool[np.ndarray, "h w"],
+    chest: Chest,
+    width: float,
+    tolerance: float,
+) -> Float[np.ndarray, "n 3"]:
+    """Points near the chest in the ring around a bump."""
+    ring = points[_ring(mask, width)]
+    ring = ring[np.abs(chest.heights(ring)) < FIT_DEPTH * tolerance]
+    return ring[:: max(1, len(ring) // FIT_POINTS)]
+
+
+def _middle(
+    points: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"], chest: Chest
+) -> Float[np.ndarray, "3"]:
+    """The middle of a bump's foot, about on the chest."""
+    centre = points[mask & np.isfinite(points[..., 0])].mean(axis=0)
+    return centre - chest.heights(centre[None])[0] * chest.normal
+
+
+def _most_of(
+    core: Bool[np.ndarray, "h w"], heights: Float[np.ndarray, "h w"], config: SegmentConfig
+) -> Bool[np.ndarray, "h w"]:
+    """The region above a chest that holds most of a bump's core; the core itself if none does."""
+    count, labels, _ = _regions(heights, config)
+    held = np.bincount(labels[core], minlength=count)
+    held[0] = 0
+    return labels == held.argmax() if held.any() else core
+
+
+def _breast(
     points: Float[np.ndarray, "h w 3"],
     heights: Float[np.ndarray, "h w"],
-    plane: Plane,
+    core: Bool[np.ndarray, "h w"],
+    chest: Chest,
     config: SegmentConfig,
-) -> Iterator[Breast]:
-    """The connected regions above `plane`, the largest first."""
-    above = cv2.morphologyEx((heights > config.cut_height).astype(np.uint8), cv2.MORPH_OPEN, CROSS)
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(above, connectivity=4)
-    for label in 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]:
-        box = _with_margin(*boxes[label, :4].tolist())
-        core = labels[box] == label
-        # The matcher rounds off the foot: what is near the core and more likely skin than plate
-        # belongs to it.
-        near = cv2.dilate(core.astype(np.uint8), CROSS, iterations=EDGE_PX) > 0
-        mask = np.zeros(heights.shape, bool)
-        mask[box] = binary_fill_holes(core | (near & (heights[box] > config.cut_height / 2)))
-        area = float(_base_areas(points[box], plane)[core].sum())
-        yield Breast(
-            mask=mask,
-            plate=plane,
-            width=float(np.sqrt(4 * area / np.pi)),
-            height=float(np.percentile(heights[box][core], 99.5)),
-        )
-
-
-def _with_margin(x: int, y: int, width: int, height: int) -> tuple[slice, slice]:
-    """The image region of a box, with room for its foot and for differences."""
-    margin = EDGE_PX + 1
-    return slice(max(y - margin, 0), y + height + margin), slice(
-        max(x - margin, 0), x + width + margin
+) -> Breast:
+    # The matcher rounds off the foot: what is near the core and more likely skin than chest belongs
+    # to it.
+    near = cv2.dilate(core.astype(np.uint8), CROSS, iterations=EDGE_PX) > 0
+    area = float(_base_areas(points, chest)[core].sum())
+    return Breast(
+        mask=binary_fill_holes(core | (near & (heights > config.cut_height / 2))),
+        plate=chest,
+        width=float(np.sqrt(4 * area / np.pi)),
+        height=float(np.percentile(heights[core], 99.5)),
     )
+
+
+def _ring(mask: Bool[np.ndarray, "h w"], width: float) -> Bool[np.ndarray, "h w"]:
+    """Pixels around a bump, as far as a fraction of its own width."""
+    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
+    return (away > 0) & (away <= width * np.sqrt(np.count_nonzero(mask)))
 
 
 def _base_areas(points: Float[np.ndarray, "h w 3"], plane: Plane) -> Float[np.ndarray, "h w"]:
@@ -224,9 +424,8 @@ def _fault(breast: Breast, heights: Float[np.ndarray, "h w"], config: SegmentCon
     rim_height = float(np.nanquantile(heights[breast.mask & ~inside], SEEN_RIM))
     if rim_height > config.step_height:
         return f"that begins {1e3 * rim_height:.0f} mm above its plane with a step"
-    from_breast = cv2.distanceTransform((~breast.mask).astype(np.uint8), cv2.DIST_L2, 3)
-    around = heights[(from_breast > 0) & (from_breast <= RING_WIDTH * np.sqrt(breast.mask.sum()))]
+    around = heights[_ring(breast.mask, RING_WIDTH)]
     known = around[np.isfinite(around)]
     if not len(known) or np.median(np.abs(known)) > config.plane_tolerance:
-        return "whose plane does not go on around it"
+        return "whose chest does not go on around it"
     return ""

@@ -38,9 +38,11 @@ PLATE_SIDE = 0.4
 """Side of the square that `Phantom.plate_texture` covers [m]."""
 BISECTIONS = 60
 """Halvings that find a contour to the last bit."""
-TOP_REACH, TOP_GRID, TOP_TOLERANCE = 0.4, 17, 1e-6
-"""Half width of the square around the hemisphere's pole in which the breast's top is sought, points
-along its side, and half width at which the search ends [-]."""
+TOP_REACH, TOP_TOLERANCE = 0.4, 1e-6
+"""Half width of the square around the hemisphere's pole in which the breast's top is sought, and
+that at which the search ends [-]."""
+TOP_GRID = 17
+"""Points along the square's side."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +214,8 @@ class Phantom:
         """Height of the highest point, near the pole, on ever finer grids."""
         steps = np.linspace(-1.0, 1.0, TOP_GRID)
         grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        best, reach, height = np.zeros(2), TOP_REACH, 0.0
+        best, reach = np.zeros(2), TOP_REACH
+        height = 0.0
         while reach > TOP_TOLERANCE:
             xy = best + reach * grid
             ball = np.column_stack([xy, np.sqrt(1 - np.sum(xy**2, axis=1))])

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from breastscan.cloud.segment import SegmentConfig, segment_breast
+from breastscan.cloud.segment import SegmentConfig, on_refined, segment_breast
 from breastscan.errors import ConfigError, PerceptionError
+from breastscan.geometry.chest import Chest
 from breastscan.vision.stereo import StereoConfig, disparity_map
 from breastscan.vision.triangulation import triangulate
 from experiments.ray_cast_dome import DomeScene
@@ -134,3 +135,77 @@ def test_cloud_without_points_has_no_breast():
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         SegmentConfig(**wrong)
+
+
+def bent_points(radius: float, noise: float = 0.0) -> np.ndarray:
+    """The scene sheared along its depth, so that the dome stands on a parabolic cylinder whose
+    crest runs down the picture; it is seen to 160 mm on both sides.
+    """
+    points = noisy_points(SCENE, noise) if noise else SCENE.points.copy()
+    x = points[..., 0] - SCENE.baseline / 2
+    points[..., 2] += x**2 / (2 * radius)
+    points[np.abs(x) > 0.16] = np.nan
+    return points
+
+
+def bent_chest(radius: float) -> Chest:
+    middle = np.array([SCENE.baseline / 2, 0.0, SCENE.plate_distance])
+    bend = np.diag([1 / radius, 0.0, 0.0])
+    return Chest(
+        normal=np.array([0.0, 0, -1]), offset=-SCENE.plate_distance, middle=middle, bend=bend
+    )
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.4])
+def test_a_breast_on_a_bent_chest_is_found_and_its_heights_count_from_it(radius):
+    points = bent_points(radius, noise=0.4e-3)
+    breast = segment_breast(points)
+    assert breast.plate.radius == pytest.approx(radius, rel=0.05)
+    skin = points[breast.mask & np.isfinite(points[..., 0])]
+    expected = bent_chest(radius).heights(skin)
+    np.testing.assert_allclose(breast.plate.heights(skin), expected, atol=0.4e-3)
+    on_dome = SCENE.on_dome & np.isfinite(points).all(axis=-1)
+    assert breast.mask[on_dome].mean() > 0.93
+    assert (breast.mask & ~SCENE.on_dome).sum() < 0.02 * breast.mask.sum()
+
+
+def test_refined_points_around_the_breast_mend_the_chest():
+    """The matched ones, tilted by what they have in common, are off; the ring's refined ones are
+    true.
+    """
+    wrong = bent_points(0.2)
+    wrong[..., 2] += 0.3e-3 + 2e-3 * wrong[..., 0]
+    breast = segment_breast(wrong)
+    mended = on_refined(breast, np.where(breast.ring[..., None], bent_points(0.2), np.nan))
+    top = np.array([[SCENE.baseline / 2, 0.0, SCENE.plate_distance - SCENE.dome_height]])
+    assert mended.plate.heights(top)[0] == pytest.approx(SCENE.dome_height, abs=0.05e-3)
+    np.testing.assert_array_equal(mended.mask, breast.mask)
+
+
+def test_a_bent_chest_of_which_one_side_is_not_seen_is_refused_with_the_side():
+    points = bent_points(0.15)
+    breast = segment_breast(points)
+    hidden = points[..., 0] - SCENE.baseline / 2 > -0.01
+    points[hidden & ~breast.mask] = np.nan
+    with pytest.raises(PerceptionError, match=r"not seen over 1[5-9]\d degrees .* the right of"):
+        on_refined(breast, points)
+
+
+def test_a_chest_that_is_not_seen_around_the_breast_is_refused():
+    breast = segment_breast(SCENE.points)
+    nothing = np.where(breast.mask[..., None], SCENE.points, np.nan)
+    with pytest.raises(PerceptionError, match="only 0 px of the chest"):
+        on_refined(breast, nothing)
+
+
+def test_two_breasts_are_refused_with_their_places():
+    """The scene beside itself, at the same depth."""
+    points = np.concatenate([SCENE.points, SCENE.points + np.array([0.5, 0, 0])], axis=1)
+    with pytest.raises(PerceptionError, match=r"found 2 \(one 1\d\d mm wide at column \d+, row"):
+        segment_breast(points)
+
+
+def test_a_breast_that_the_picture_cuts_off_is_refused_with_the_border():
+    left = int(np.nonzero(SCENE.on_dome)[1].min())
+    with pytest.raises(PerceptionError, match="cut off by the left border"):
+        segment_breast(SCENE.points[:, left + 60 :])

@@ -209,6 +209,11 @@ def shaped(c: Everything) -> Any:
     return Phantom(c.scene.phantom).skin
 
 
+def lain(c: Everything) -> Any:
+    scene = Scene(c.scene)
+    return scene.X_BS, scene.phantom.skin
+
+
 def textured(c: Everything) -> Any:
     return Phantom(c.scene.phantom).texture_image()
 
