@@ -176,7 +176,7 @@ def on_refined(breast: Breast, points: Float[np.ndarray, "h w 3"]) -> Breast:
     """The breast on the chest through the refined points of its ring, in L [m]: those that the
     matcher alone finds have errors in common, up to .5 mm where the disparity hardly changes.
     """
-    chest = breast.plate
+    chest, ring = breast.plate, np.zeros((0, 3))
     for _ in range(REFITS):
         ring = _around(points, breast.mask, chest, RING_WIDTH, REFINED_TOLERANCE)
         if len(ring) >= SMALLEST_RING_PX:
@@ -389,8 +389,9 @@ def _breast(
     # to it.
     near = cv2.dilate(core.astype(np.uint8), CROSS, iterations=EDGE_PX) > 0
     area = float(_base_areas(points, chest)[core].sum())
+    filled = binary_fill_holes(core | (near & (heights > config.cut_height / 2)))
     return Breast(
-        mask=binary_fill_holes(core | (near & (heights > config.cut_height / 2))),
+        mask=np.asarray(filled, bool),
         plate=chest,
         width=float(np.sqrt(4 * area / np.pi)),
         height=float(np.percentile(heights[core], 99.5)),
