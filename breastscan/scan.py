@@ -384,9 +384,7 @@ def reconstruct_breast(
             refine.refine(pair.left, pair.right, matched, part, config.refine)
             for part in (breast.mask, breast.ring)
         )
-        breast = segment.on_refined(
-            breast, triangulation.triangulate(around.disparity, pair)
-        )
+        breast = segment.on_refined(breast, triangulation.triangulate(around.disparity, pair))
     with stages.stage("surface"):
         skin, seen = skin_view.see_skin(pair, refined, breast)
         points_L = np.full((*seen.shape, 3), np.nan)
