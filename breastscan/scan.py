@@ -345,7 +345,7 @@ def scan(
 def perceive(
     images: StereoPair, rig: StereoRig, config: PerceptionConfig, stages: Stages
 ) -> Reconstruction:
-    """From a raw pair to denoised points and normals of the breast, in the left camera's frame."""
+    """From a raw pair to the breast's skin, points and normals, in the left camera's frame."""
     pair, matched = match(images, rig, config, stages)
     try:
         return reconstruct_breast(pair, matched, config, stages)
@@ -386,6 +386,7 @@ def reconstruct_breast(
         )
         breast = segment.on_refined(breast, triangulation.triangulate(around.disparity, pair))
     with stages.stage("surface"):
+        breast = replace(breast, plate=skin_view.settled_chest(pair, refined, breast))
         skin, seen = skin_view.see_skin(pair, refined, breast)
         points_L = np.full((*seen.shape, 3), np.nan)
         cloud_L = skin_view.points(seen, pair)

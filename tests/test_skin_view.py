@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from breastscan import skin_view
 from breastscan.cloud.segment import segment_breast
+from breastscan.errors import PerceptionError
 from breastscan.geometry import se3
 from breastscan.vision.refine import refine
 from breastscan.vision.stereo import StereoConfig, disparity_map
@@ -13,11 +16,20 @@ SCENE = DomeScene(texture="skin")
 
 
 @pytest.fixture(scope="module")
-def seen():
-    pair = SCENE.pair()
+def pair():
+    return SCENE.pair()
+
+
+@pytest.fixture(scope="module")
+def refined(pair):
     matched = disparity_map(pair.left, pair.right, StereoConfig(consistency_px=2, mean_px=1))
     breast = segment_breast(triangulate(matched, pair))
-    return skin_view.see_skin(pair, refine(pair.left, pair.right, matched, breast.mask), breast)
+    return refine(pair.left, pair.right, matched, breast.mask), breast
+
+
+@pytest.fixture(scope="module")
+def seen(pair, refined):
+    return skin_view.see_skin(pair, *refined)
 
 
 def above_foot() -> np.ndarray:
@@ -52,3 +64,19 @@ def test_pixels_behind_others_in_the_right_view_are_hidden():
     # at 0, -1 .. the third lies before the second: 2 - 13 < 1 - 10
     hidden = skin_view._hidden_from_right(disparity)
     assert hidden.tolist() == [[True, True, False, False, False]]
+
+
+@pytest.mark.parametrize("off", [-2e-4, 0.0, 3e-4])
+def test_the_chest_is_put_where_the_images_have_it(pair, refined, off):
+    first, breast = refined
+    wrong = replace(breast, plate=replace(breast.plate, offset=off - SCENE.plate_distance))
+    wrong = replace(wrong, plate=replace(wrong.plate, normal=np.array([0.0, 0.0, -1.0])))
+    chest = skin_view.settled_chest(pair, first, wrong)
+    assert chest.offset * 1e3 == pytest.approx(-SCENE.plate_distance * 1e3, abs=0.08)
+
+
+def test_a_breast_of_which_hardly_anything_is_refined_shows_no_skin(pair, refined):
+    first, breast = refined
+    nothing = replace(first, applied=np.zeros_like(first.applied))
+    with pytest.raises(PerceptionError, match="got 0"):
+        skin_view.see_skin(pair, nothing, breast)

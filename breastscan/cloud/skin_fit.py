@@ -103,12 +103,7 @@ def fit_skin(
     Raises:
         PerceptionError: They are too few.
     """
-    if len(sightings.points) < FEWEST:
-        raise PerceptionError(
-            f"expected {FEWEST} points of the skin or more, got {len(sightings.points)}: look at "
-            "the disparity for missing depth",
-            len(sightings.points),
-        )
+    require_enough(len(sightings.points))
     skin = _blank(X_AN) if before is None else before.skin
     ab = skin.chart(sightings.points)
     problem = _Problem.of(sightings, skin, ab)
@@ -123,6 +118,20 @@ def fit_skin(
         )
         smoothness = smoothness.learned(skin.radii, skin.covariance)
     return SkinFit(skin=replace(skin, support=_support(ab)), smoothness=smoothness)
+
+
+def require_enough(points: int) -> None:
+    """Refuse to fit a skin to hardly anything.
+
+    Raises:
+        PerceptionError: There are fewer than `FEWEST` points.
+    """
+    if points < FEWEST:
+        raise PerceptionError(
+            f"expected {FEWEST} points of the skin or more, got {points}: look at the disparity "
+            "for missing depth",
+            points,
+        )
 
 
 def fit_cloud(
