@@ -386,7 +386,6 @@ def reconstruct_breast(
         )
         breast = segment.on_refined(breast, triangulation.triangulate(around.disparity, pair))
     with stages.stage("surface"):
-        breast = replace(breast, plate=skin_view.settled_chest(pair, refined, breast))
         skin, seen = skin_view.see_skin(pair, refined, breast)
         points_L = np.full((*seen.shape, 3), np.nan)
         cloud_L = skin_view.points(seen, pair)

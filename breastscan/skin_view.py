@@ -15,12 +15,10 @@ from scipy.ndimage import binary_dilation
 
 from breastscan.cloud.segment import Breast
 from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin, require_enough
-from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
 from breastscan.vision.camera import RectifiedPair
 from breastscan.vision.refine import RefinedDisparity
 from breastscan.vision.refining.evidence import Photometry
-from breastscan.vision.refining.photometric import FitConfig, cauchy_weight
 
 PASSES = 2
 """Fits after the first, which learn of the rim and of what the refinement left out."""
@@ -33,12 +31,6 @@ LOWEST = 5e-4
 OTHER_ERRORS = 1.7
 """Variance of the skin over that by the noise alone [-]: what rectification, and at grazing angles
 the pixels' own size, add to it; from seeds 0 and 2 and one breast of each class."""
-RING_PX = (6, 40)
-"""How far from the mask the chest is that tells its height [px]."""
-CHEST_TOLERANCE = 2.5e-3
-"""A point farther from the chest is none of it [m]."""
-CHEST_SIGMA = 2e-4
-"""Standard deviation of the chest's height before the images tell it [m]: of the matcher's."""
 GROWTH = 2
 """Squares of the chart by which a pass may go beyond what was seen before: where the flank turns
 out of sight, the skin below it is a mere guess, and what its pixels see is the chest."""
@@ -46,34 +38,6 @@ HEADROOM = 0.02
 """How far before the point that was matched a ray begins to look for the skin [of its depth]."""
 LARGEST_CHANGE_PX = 4.0
 """Where the matcher is farther from the skin, it saw something else [px]: 17 mm at 540 mm."""
-
-
-def settled_chest(pair: RectifiedPair, refined: RefinedDisparity, breast: Breast) -> Plane:
-    """The chest around the breast, raised or lowered to where the images themselves have it: the
-    matcher's disparity, which it was fitted to, is off by some hundredths of a pixel all over it.
-    """
-    ring = _grown(breast.mask, RING_PX[1]) & ~_grown(breast.mask, RING_PX[0])
-    matched = np.where(ring, refined.disparity.astype(float), np.nan)
-    p_L = points(matched, pair)
-    sight_L = p_L / np.linalg.norm(p_L, axis=1, keepdims=True)
-    lean = sight_L @ breast.plate.normal
-    on_chest = np.abs(breast.plate.heights(p_L)) < CHEST_TOLERANCE
-    for _ in range(2):  # a bent chest is met in two steps
-        p_L = p_L - sight_L * (breast.plate.heights(p_L) / lean)[:, None]
-    disparity = np.full(ring.shape, np.nan)
-    depth = p_L @ pair.R_LV[:, 2]
-    disparity[np.isfinite(matched)] = np.where(
-        on_chest, pair.focal_px * pair.baseline / depth, np.nan
-    )
-    if not on_chest.any():
-        return breast.plate
-    sightings = _sightings(Photometry.of(pair, refined.row_shift), disparity, pair)
-    slope = sightings.slope / lean[on_chest]
-    weight = cauchy_weight(sightings.residual, FitConfig().robust_scale)
-    rise = -np.sum(weight * slope * sightings.residual) / (
-        np.sum(weight * slope**2) + CHEST_SIGMA**-2
-    )
-    return replace(breast.plate, offset=breast.plate.offset + float(rise))
 
 
 def see_skin(

@@ -66,15 +66,6 @@ def test_pixels_behind_others_in_the_right_view_are_hidden():
     assert hidden.tolist() == [[True, True, False, False, False]]
 
 
-@pytest.mark.parametrize("off", [-2e-4, 0.0, 3e-4])
-def test_the_chest_is_put_where_the_images_have_it(pair, refined, off):
-    first, breast = refined
-    wrong = replace(breast, plate=replace(breast.plate, offset=off - SCENE.plate_distance))
-    wrong = replace(wrong, plate=replace(wrong.plate, normal=np.array([0.0, 0.0, -1.0])))
-    chest = skin_view.settled_chest(pair, first, wrong)
-    assert chest.offset * 1e3 == pytest.approx(-SCENE.plate_distance * 1e3, abs=0.08)
-
-
 def test_a_breast_of_which_hardly_anything_is_refined_shows_no_skin(pair, refined):
     first, breast = refined
     nothing = replace(first, applied=np.zeros_like(first.applied))

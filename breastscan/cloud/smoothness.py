@@ -2,7 +2,7 @@
 
 Third differences of a spline's coefficients are taken as normal about zero, with a variance that
 changes slowly over the chart. It is what makes the sightings most likely (MacKay's fixed point
-[MacKay 1992, Eq. 4.9], pooled over a neighbourhood): small on the flank, where noise then averages
+[MacKay 1992], pooled over a neighbourhood): small on the flank, where noise then averages
 out, and large on a nipple, a wart or a fold, which are left standing.
 """
 
