@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from experiments import study_sweep
 from experiments.budget import page
-from experiments.budget.design import IDEAL, BudgetSpec, Source
+from experiments.budget.design import BudgetSpec
 from experiments.budget.estimates import Budget, budget
 from experiments.sweep.engine import Engine
 
@@ -36,7 +36,7 @@ def run(
     scans.write_rigs()
     frame = study_sweep.run(spec, out, seed=seed, engine=engine, name="budget", told=told)
     budgets = {
-        metric: budget(errors(frame, metric, spec.sources, scans.sets), spec.vary, [*spec.tied])
+        metric: budget(errors(frame, metric, scans.sets), spec.vary, [*spec.tied])
         for metric in page.MEASURES
     }
     page.write(out, budgets, frame, scans, seed)
@@ -44,29 +44,16 @@ def run(
 
 
 def errors(
-    frame: pl.DataFrame,
-    metric: str,
-    sources: Mapping[str, Source],
-    sets: Mapping[str, list[int]],
+    frame: pl.DataFrame, metric: str, sets: Mapping[str, list[int]]
 ) -> dict[str, Float[np.ndarray, "_"]]:
     """A metric of the scans of each set, NaN of those that did not end well.
 
     Args:
         frame: A row a run.
         metric: Its name.
-        sources: Some of which put another in its place where they are ideal.
         sets: Numbers of their runs.
     """
-    value = _column(frame, metric)
-    for name, source in sources.items():
-        if metric in source.ideal_metrics:
-            ideal = _column(frame, source.ideal_metrics[metric])
-            value = pl.when(pl.col(name) == IDEAL).then(ideal).otherwise(value)
-    found = frame.select(pl.when(pl.col("error").is_null()).then(value).alias(metric))
+    measured = pl.col(metric) if metric in frame.columns else pl.lit(None, pl.Float64)
+    found = frame.select(pl.when(pl.col("error").is_null()).then(measured).alias(metric))
     values = found[metric].cast(pl.Float64).fill_null(np.nan).to_numpy()
     return {name: values[numbers] for name, numbers in sets.items()}
-
-
-def _column(frame: pl.DataFrame, metric: str) -> pl.Expr:
-    """Nothing where no run measured it."""
-    return pl.col(metric) if metric in frame.columns else pl.lit(None, pl.Float64)

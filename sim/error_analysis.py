@@ -38,9 +38,6 @@ class ContactPlaces:
     """Indices into the trajectory."""
     p_S: Float[np.ndarray, "k 3"]
     """The touched point, mapped to the undeformed skin [m]."""
-    undragged_S: Float[np.ndarray, "k 3"]
-    """Where the probe's axis meets the undeformed skin: the touched point, if pressed tissue did
-    not move sideways [m]."""
     tilt: Float[np.ndarray, "k"]
     """Angle of the probe's axis against the true normal where it meets the undeformed skin
     [rad]."""
@@ -140,12 +137,9 @@ def contact_places(
     for row, skin_S in pressed_again(rows, log, tissue):
         points.append(truth.material_point(log.X_SP[row, None, :3, 3], skin_S)[0])
         on_press(row, skin_S)
-    undragged_S, n_S = truth.pressed_place(X_SP)
+    _, n_S = truth.pressed_place(X_SP)
     return ContactPlaces(
-        rows=on_loop,
-        p_S=np.array(points),
-        undragged_S=undragged_S,
-        tilt=se3.angle_between(-X_SP[:, :3, 2], n_S),
+        rows=on_loop, p_S=np.array(points), tilt=se3.angle_between(-X_SP[:, :3, 2], n_S)
     )
 
 
@@ -180,13 +174,11 @@ def execution_metrics(
     """The whole chain: touched points of the undeformed skin minus the true loop at the height that
     was asked for, in B.
     """
-    loop_S = truth.level_loop(height_fraction)
-    error_mm = se3.rotate(X_BS, places.p_S - nearest_on_loop(places.p_S, loop_S)) * 1e3
-    undragged_mm = (places.undragged_S - nearest_on_loop(places.undragged_S, loop_S)) * 1e3
+    nearest_S = nearest_on_loop(places.p_S, truth.level_loop(height_fraction))
+    error_mm = se3.rotate(X_BS, places.p_S - nearest_S) * 1e3
     return {
         "executed_truth_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
         "executed_truth_rms_mm": rms(np.linalg.norm(error_mm, axis=1)),
-        "executed_undragged_rms_mm": rms(np.linalg.norm(undragged_mm, axis=1)),
         "normal_tilt_mean_deg": float(np.degrees(places.tilt.mean())),
     }
 

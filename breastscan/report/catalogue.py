@@ -98,7 +98,6 @@ CATALOGUE: tuple[Metric, ...] = (
         ("tracking_tangential_rmse_mm", "Tracking error across the normal, RMS", "mm"),
         ("executed_truth_mean_abs_mm", "Error to the true loop, mean absolute (x/y/z)", "mm"),
         ("executed_truth_rms_mm", "Error to the true loop, RMS", "mm"),
-        ("executed_undragged_rms_mm", "Error to the true loop without the tissue's drag", "mm"),
         ("normal_tilt_mean_deg", "Probe axis off the true normal, mean", "°"),
         ("clearance_body_min_mm", "Arm and tool from the body, the face aside, smallest gap", "mm"),
         ("breathing_amplitude_mm", "Chest's rise and fall, amplitude", "mm"),

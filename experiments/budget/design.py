@@ -9,7 +9,7 @@ sample lend one source's draw at a time to those of the first [Saltelli 2010].
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -68,8 +68,6 @@ class Source:
     """Settings by name: a value, or a distribution as a sweep takes it."""
     ideal: dict[str, Any]
     """Settings by name: a value."""
-    ideal_metrics: dict[str, str] = field(default_factory=dict)
-    """The metrics that take the place of others where the source is ideal."""
 
     @property
     def dimensions(self) -> int:

@@ -8,12 +8,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from breastscan.geometry import se3
 from sim import error_analysis
 from sim.error_analysis import REPLAY_STEP, STEADY_AFTER, ContactPlaces
 from sim.room.rigid_contacts import RigidContact
-from sim.tissue.mechanics import build_mechanics
-from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.truth import Truth
 from sim.truth_log import TruthRecorder
 from tests.run.synthetic_run import synthetic_log
@@ -91,8 +88,7 @@ def test_the_whole_chains_error_is_the_distance_to_the_loop_between_its_points()
     ring_truth.level_loop.return_value = ring
 
     def told(p_S: np.ndarray) -> dict:
-        level = np.zeros(len(p_S))
-        places = ContactPlaces(rows=np.arange(len(p_S)), p_S=p_S, undragged_S=p_S, tilt=level)
+        places = ContactPlaces(rows=np.arange(len(p_S)), p_S=p_S, tilt=np.zeros(len(p_S)))
         return error_analysis.execution_metrics(places, np.eye(4), ring_truth, 0.5)
 
     on_sides = (0.7 * ring + 0.3 * np.roll(ring, -1, axis=0))[::7]
@@ -100,29 +96,3 @@ def test_the_whole_chains_error_is_the_distance_to_the_loop_between_its_points()
     above = told(on_sides + np.array([0.0, 0.0, 0.002]))
     assert above["executed_truth_rms_mm"] == pytest.approx(2.0)
     assert above["executed_truth_mean_abs_mm"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-9)
-
-
-@pytest.mark.parametrize(("mechanics", "drag_mm"), [("soft", (0.2, 1.5)), ("printed", (0.0, 0.05))])
-def test_a_probe_pressed_along_the_normal_of_the_loop_misses_it_by_the_drag_alone(
-    trajectory, mechanics, drag_mm
-):
-    """Soft tissue goes sideways under it, a print does not; undragged, neither."""
-    phantom = Phantom(PhantomConfig(mechanics=mechanics))
-    tissue = build_mechanics(phantom)
-    known = Truth(phantom, tissue)
-    loop_S = known.level_loop()
-    few = trajectory.take(np.flatnonzero(trajectory.in_loop)[: 8 * REPLAY_STEP])
-    p_S = loop_S[:: len(loop_S) // len(few.t)][: len(few.t)]
-    n_S = known.closest(p_S)[1]
-    along_S = np.cross([0.0, 0.0, 1.0], n_S)
-    along_S /= np.linalg.norm(along_S, axis=1, keepdims=True)
-    recorder = TruthRecorder()
-    for time, p, n, x in zip(few.t.tolist(), p_S, n_S, along_S, strict=True):
-        R = np.stack([x, np.cross(-n, x), -n], axis=1)
-        X_SP = se3.pose(R, p - 0.004 * n)
-        recorder.add(time, np.zeros(6), np.zeros(3), 0.004, X_SP, 0.0)
-    places = error_analysis.contact_places(few, recorder.log(), tissue, known)
-    told = error_analysis.execution_metrics(places, np.eye(4), known, 0.5)
-    low, high = drag_mm
-    assert low <= told["executed_truth_rms_mm"] <= high
-    assert told["executed_undragged_rms_mm"] < 1e-3

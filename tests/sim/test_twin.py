@@ -14,12 +14,7 @@ from sim import PhantomConfig, SceneConfig, Twin
 from tests.twin_path import arc_motion
 
 PRINTED = SceneConfig(phantom=PhantomConfig(mechanics="printed"))
-OF_LOOP = {
-    "executed_truth_rms_mm",
-    "executed_undragged_rms_mm",
-    "contact_fraction",
-    "breathing_amplitude_mm",
-}
+OF_LOOP = {"executed_truth_rms_mm", "contact_fraction", "breathing_amplitude_mm"}
 OF_BODY = {"force_any_peak_n", "clearance_body_min_mm"}
 
 

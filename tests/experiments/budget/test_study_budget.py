@@ -97,9 +97,7 @@ def test_failures_are_told_by_cause_and_left_out(tmp_path, monkeypatch):
     lost = len(frame.filter(pl.col("cause") == "SafetyError: lost"))
     assert f"| SafetyError: lost | {lost} | 0 |" in text
     assert f"{loop.groups} of {SAMPLES}" in text
-    errors = study_budget.errors(
-        frame, "executed_truth_rms_mm", design.load(1, 1, tmp_path).sources, {"": list(range(99))}
-    )[""]
+    errors = study_budget.errors(frame, "executed_truth_rms_mm", {"": list(range(99))})[""]
     assert np.array_equal(np.isnan(errors), frame["error"][:99].is_not_null().to_numpy())
 
 
