@@ -11,7 +11,7 @@ p is where the tip is, less its indentation, for which `control.settle_fit` find
 while the force rises.
 
 What lies within the errors of a plan is not taken for breath: with R half the range of the rise so
-far, the plan's own place among it, the share R^2 / (R^2 + e^2) of it is.
+far, the plan's own place among it, the share R^4 / (R^4 + e^4) of it is.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,7 @@ ACCELERATION = 0.4
 BLEND_HZ = 1.3
 """Corner with which breathing along sets in at first contact and ends off the skin [Hz]: 99 % after
 .8 s."""
-PLAN_ERROR = 0.5e-3
+PLAN_ERROR = 0.7e-3
 """Motion along the axis that errors of plan and indentation explain [m], e above."""
 MIN_ALONG = 0.25
 """Least share of the chest's motion along the probe axis from which the rest is inferred [-]."""
@@ -84,7 +84,7 @@ class AcrossMemory:
     def rise(self) -> float:
         """How far the reference goes along with the chest [m]."""
         half_range = 0.5 * (self.high - self.low)
-        trusted = half_range**2 / (half_range**2 + PLAN_ERROR**2)
+        trusted = half_range**4 / (half_range**4 + PLAN_ERROR**4)
         return self.weight.position * trusted * self.estimate.position
 
     @property
