@@ -119,6 +119,7 @@ def fit(path_at: Callable[[float], Path], rises: Sequence[float], task: Task) ->
 
 def _other_place(path: Path, task: Task) -> str:
     """Where the phantom would have to lie, tried; or that no place helps."""
+    upright = replace(task.config, largest_tilt=0.0)
     for where, offset_B in PLACES:
         X = se3.pose(np.eye(3), offset_B)
         clearance = None if task.clearance is None else task.clearance.with_body_moved(X)
@@ -126,7 +127,7 @@ def _other_place(path: Path, task: Task) -> str:
             points_B=path.points_B + offset_B, normals_B=path.normals_B, closed=path.closed
         )
         try:
-            replace(task, clearance=clearance).plan(moved)
+            replace(task, clearance=clearance, config=upright).plan(moved)
         except PlanningError:
             continue
         return f"with the phantom {where} it would fit"

@@ -13,17 +13,19 @@ import pytest
 
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import skin_fit
-from breastscan.commands.plan import ABOVE_TABLE
 from breastscan.errors import BreastScanError
 from breastscan.execution import execute
 from breastscan.geometry import kinematics, se3
+from breastscan.geometry.hulls import Shape
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
-from breastscan.planning import motion, pattern
+from breastscan.planning import fitting, pattern
+from breastscan.planning.clearance import Body, Clearance
+from breastscan.planning.fitting import Task
 from breastscan.planning.motion import Motion
 from breastscan.robot.ur import ur5e
 from breastscan.robot.ur.worker import LinkLimits
-from breastscan.scan import PlanningConfig, ScanConfig, Stages, perceive
+from breastscan.scan import ScanConfig, Stages, perceive
 from breastscan.vision import calibration
 from breastscan.vision.board import Board, find_corners
 from breastscan.vision.camera import Intrinsics, StereoRig
@@ -68,7 +70,6 @@ class World:
 class Everything(ScanConfig):
     """Every config that a command takes, by the name that its settings begin with."""
 
-    planning: PlanningConfig = ABOVE_TABLE
     link: LinkLimits = field(default_factory=LinkLimits)
     scene: SceneConfig = field(default_factory=SceneConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
@@ -125,6 +126,12 @@ def perceived(c: Everything) -> Any:
     return perceive(small_pair(), pinhole_rig(SMALL), c.perception, Stages())
 
 
+PROBE = Shape(
+    name="probe", kind="box", size=(0.028, 0.013, 0.055),
+    X=tip_pose(np.pi / 4) @ se3.pose(np.eye(3), np.array([0.0, 0.0, -0.065])),
+)  # fmt: skip
+
+
 @cache
 def skin() -> Skin:
     return skin_fit.fit_cloud(*dome(), PLATE)
@@ -138,10 +145,12 @@ def loop_of(config: pattern.PatternConfig) -> pattern.Path:
 def planned(c: Everything) -> Any:
     config = c.planning
     path = loop_of(config.pattern)
-    return motion.plan_motion(
-        path, tip_pose(np.pi / 4), PERIOD, config.feedrate, config.joints,
-        clearances=lambda q: np.full(len(q), 0.012),
+    task = Task(
+        X_FP=tip_pose(np.pi / 4), period=PERIOD, limits=config.feedrate, config=config.joints,
+        clearance=Clearance([PROBE]).of(Body(skin_B=dome()[0], chest=PLATE)),
     )  # fmt: skip
+    fitted = fitting.fit(lambda rise: path, config.rises, task)
+    return fitted.motion, fitted.feed
 
 
 @cache

@@ -55,6 +55,10 @@ VALUES: dict[str, Any] = {
     "planning.joints.singularity_margin": 0.9,
     "planning.joints.floor": 0.3,
     "planning.joints.roll_tolerance": 0.3,
+    "planning.joints.collision_margin": 0.4,
+    "planning.joints.body_margin": 0.03,
+    "planning.joints.pressed_depth": 0.03,
+    "planning.joints.yielding": 0.0,
     "link.slack": 2.0,
     "contact.law": "pi",
     "contact.rate_limit": 1e-3,
@@ -126,6 +130,8 @@ VALUES: dict[str, Any] = {
 
 CONTEXTS: dict[str, dict[str, Any]] = {
     "perception.stereo.num_disparities": {"perception.stereo.min_disparity": 0},
+    "planning.joints.largest_tilt": {"planning.joints.body_margin": 0.03},
+    "planning.largest_rise": {"planning.joints.body_margin": 0.03},
     "contact.phases.search_": {"world.fall": 0.006},
     "contact.phases.losses": {"world.fall": 0.006},
     "contact.phases.escape_": {"world.spike": 20.0},
@@ -181,6 +187,7 @@ OPTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "fine": (True, {}),
     "robot": ("rtde://127.0.0.44", ROBOT),
     "cell": ("cell", ROBOT),
+    "plan.cell": ("cell", {}),
     "camera": ("folder:pictures", ROBOT),
     "dry_run": (True, ROBOT),
     "yes": (False, ROBOT),
