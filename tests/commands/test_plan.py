@@ -102,7 +102,7 @@ def test_a_distance_that_nothing_measures_is_refused(tmp_path, cloud):
 
 def test_a_top_speed_that_other_limits_hide_is_told_with_them(tmp_path, cloud, capsys):
     plan.plan(
-        cloud, tmp_path, planning=replace(plan.ABOVE_TABLE, feedrate=FeedrateLimits(speed=0.2))
+        cloud, tmp_path, planning=replace(PlanningConfig(), feedrate=FeedrateLimits(speed=0.2))
     )
     told = capsys.readouterr().out
     assert "planning.feedrate.speed, 200 mm/s, is reached nowhere" in told
