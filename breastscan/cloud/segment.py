@@ -191,7 +191,7 @@ def _require_seen(ring: Float[np.ndarray, "n 3"], chest: Chest) -> None:
     azimuth = np.sort(np.arctan2(on_chest[:, 1], on_chest[:, 0]))
     if len(azimuth) < SMALLEST_RING_PX:
         raise NoBreastError(
-            f"only {len(azimuth)} px of the chest around the breast are seen, and its heights "
+            f"only {len(azimuth)} px around the breast lie on one smooth chest, and its heights "
             "count from there: move the cameras or whatever covers it",
             len(azimuth),
         )

@@ -194,7 +194,7 @@ def test_a_bent_chest_of_which_one_side_is_not_seen_is_refused_with_the_side():
 def test_a_chest_that_is_not_seen_around_the_breast_is_refused():
     breast = segment_breast(SCENE.points)
     nothing = np.where(breast.mask[..., None], SCENE.points, np.nan)
-    with pytest.raises(PerceptionError, match="only 0 px of the chest"):
+    with pytest.raises(PerceptionError, match="only 0 px around the breast"):
         on_refined(breast, nothing)
 
 
