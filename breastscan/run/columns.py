@@ -108,7 +108,9 @@ TRUTH: Columns = {
     "force_axial": LOG["true_force"],
     "depth": LOG["true_depth"],
     "X_SP": _pose("tip_{}_phantom", "probe tip in the phantom", "S"),
-    "rise": _one("chest_rise_m", "way of the chest along its normal from the end of an exhalation", "m"),
+    "rise": _one(
+        "chest_rise_m", "way of the chest from the end of an exhalation, along its normal", "m"
+    ),
     "chest_S": _vector("chest_force_{}_n", "force of the chest plate on arm and tool", "N", "S"),
     "rigid_force": _one(
         "rigid_force_n", "force between the two rigid shapes that press each other hardest", "N"
