@@ -10,7 +10,6 @@ from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
 from breastscan.geometry import kinematics, se3
 from breastscan.planning.feedrate import FeedrateLimits
-from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.pattern import PatternConfig
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
@@ -92,12 +91,6 @@ def test_what_lays_a_path_on_a_cloud_is_refused_for_a_path_that_is_given(tmp_pat
     ):
         with pytest.raises(ConfigError, match="leave them out for a path"):
             plan.plan(path, tmp_path / "out", **options)
-
-
-def test_a_distance_that_nothing_measures_is_refused(tmp_path, cloud):
-    config = PlanningConfig(joints=JointPathConfig(collision_margin=0.02))
-    with pytest.raises(ConfigError, match=r"collision_margin.*leave it out"):
-        plan.plan(cloud, tmp_path / "out", planning=config)
 
 
 def test_a_top_speed_that_other_limits_hide_is_told_with_them(tmp_path, cloud, capsys):
