@@ -21,6 +21,7 @@ from breastscan.planning.feedrate import Feed, FeedrateLimits
 from breastscan.planning.joint_limits import Corrections, JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
+from breastscan.planning.roll_graph import BlockedError
 
 PLACES = tuple(
     (f"{distance * 1e3:.0f} mm {where}", distance * np.array(direction))
@@ -108,6 +109,8 @@ def fit(path_at: Callable[[float], Path], rises: Sequence[float], task: Task) ->
             continue
         return Fitted(path=path, motion=planned, feed=feed, rise=rise)
     assert first is not None, "0 comes first"
+    if not isinstance(first, BlockedError):  # the path's own fault, wherever it lies
+        raise first
     tried = [f"leaning the probe by up to {np.degrees(task.config.largest_tilt):.0f} degrees"]
     if max(rises) > 0.0:
         tried.append(f"a path up to {max(rises) * 1e3:.0f} mm higher")
