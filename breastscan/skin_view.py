@@ -11,9 +11,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import binary_dilation
 
-from breastscan.cloud.segment import Breast
+from breastscan.cloud.segment import CROSS, Breast
 from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin, require_enough
 from breastscan.geometry.skin import Skin
 from breastscan.vision.camera import RectifiedPair
@@ -110,7 +109,8 @@ def _disparity(
     depth = skin.first_hits(np.zeros(3), rays_L, start)
     p_L = rays_L * depth[:, None]
     above = breast.plate.heights(p_L) > LOWEST
-    grown = replace(skin, support=binary_dilation(skin.support, iterations=GROWTH))
+    support = skin.support.astype(np.uint8)
+    grown = replace(skin, support=cv2.dilate(support, CROSS, iterations=GROWTH) > 0)
     above[above] = grown.known(skin.chart(p_L[above]))
     agrees = ~(np.abs(matched - unit / depth) > LARGEST_CHANGE_PX)
     result = np.full(near.shape, np.nan)
