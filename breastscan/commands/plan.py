@@ -30,6 +30,7 @@ from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
 from breastscan.scan import PlanningConfig
+from breastscan.tissue.drag import TissueConfig
 
 COLUMNS = (
     "t_s",
@@ -132,7 +133,15 @@ def _is_path(source: Path) -> bool:
 
 
 def _require_used(source: Path, plate_height: float | None, planning: PlanningConfig) -> None:
-    """Refuse settings that lay a path on a cloud, or keep it clear of one, for a given path."""
+    """Refuse settings that lay a path on a cloud, or keep it clear of one, for a given path, and
+    those of tissue, which no force presses here.
+    """
+    if planning.tissue != TissueConfig():
+        raise ConfigError(
+            "planning.tissue tells how skin moves that is pressed: a plan alone presses none, so "
+            "leave it out, or scan",
+            planning.tissue,
+        )
     joints, usual = planning.joints, JointPathConfig()
     for_cloud = (
         plate_height is not None

@@ -59,6 +59,7 @@ VALUES: dict[str, Any] = {
     "planning.joints.body_margin": 0.03,
     "planning.joints.pressed_depth": 0.03,
     "planning.joints.yielding": 0.0,
+    "planning.tissue.poisson": 0.3,
     "link.slack": 2.0,
     "contact.law": "pi",
     "contact.rate_limit": 1e-3,
@@ -203,6 +204,7 @@ the command's."""
 PROBES = {
     "perception.": probes.perceived,
     "planning.": probes.planned,
+    "planning.tissue.": probes.dragged,
     "contact.": probes.executed,
     "safety.": probes.executed,
     "link.": probes.slackened,
