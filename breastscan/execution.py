@@ -39,7 +39,7 @@ from breastscan.interruptions import deferred_interrupt, no_garbage_collection
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
 from breastscan.robot.standing import StandingRobot
-from breastscan.run.trajectory import RESUME, Sample
+from breastscan.run.trajectory import NOWHERE, RESUME, Sample
 
 PROGRESS_EVERY = 250
 """Control periods between two reports of progress."""
@@ -322,13 +322,19 @@ class _Cycle:
         ahead = min(progress.row + rows_ahead, float(self.section.last))
         arm = self.robot.calibration
         X_BP_plan = arm.forward(self.motion.at(ahead)) @ self.robot.X_FP
-        shift_B = self.motion.drag_at(ahead, self._across.indentation)
-        if self.motion.chest_normal_B is not None:
-            shift_B = shift_B + self._across.rise * self.motion.chest_normal_B
-        X_BP_reference = selection.moved_across(X_BP_plan, shift_B)
+        X_BP_reference = selection.moved_across(X_BP_plan, self._shift(ahead, 0.0))
         X_BP = selection.corrected(X_BP_reference, memory.depth, self._tilt.rx, self._tilt.ry)
         q = arm.step(self._sent.q, X_BP @ self._X_PF)
         return _Selected(X_BP_reference, X_BP, JointCommand(q, X_BP[:3, 3], memory.depth))
+
+    def _shift(self, row: float, lag: float) -> Float[np.ndarray, "3"]:
+        """How far drag and breath have moved the skin, as the servo has it after a lag [s], in B
+        [m].
+        """
+        shift_B = self.motion.drag_at(row, self._across.indentation)
+        if self.motion.chest_normal_B is not None:
+            shift_B = shift_B + self._across.rise_before(lag) * self.motion.chest_normal_B
+        return shift_B
 
     def send(self, progress: Progress, memory: ContactMemory, selected: _Selected) -> None:
         """The command within the limits, to the robot; what was decided counts once it is taken."""
@@ -380,10 +386,13 @@ class _Cycle:
         """Log the state that followed `target`, when the arm should be at the progress's row of
         the plan.
         """
-        state, row = self._state, progress.row if progress.phase is Phase.LOOP else math.nan
+        state, row, shift_B = self._state, math.nan, NOWHERE
+        if progress.phase is Phase.LOOP:
+            row, shift_B = progress.row, self._shift(progress.row, self._lag.lag)
         sample = Sample(
-            state.time, progress.phase, row, state.q, state.qd, target, state.wrench_P, touching
-        )
+            state.time, progress.phase, row, state.q, state.qd, target, state.wrench_P, touching,
+            shift_B,
+        )  # fmt: skip
         self.log.append(sample)
 
     def _end(self, error: BaseException) -> None:

@@ -37,6 +37,8 @@ def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
         between = flat[first] + (row - first)[:, None] * (flat[second] - flat[first])
         return between.reshape(len(log), *values.shape[1:])
 
+    X_BP_plan = planned(robot.calibration.forward(motion.q) @ robot.X_FP)
+    X_BP_plan[:, :3, 3] += _across(np.stack([sample.shift_B for sample in log]), X_BP_plan)
     return Trajectory(
         t=t,
         phase=tuple(phase),
@@ -47,10 +49,18 @@ def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
         q_plan=planned(motion.q),
         qd_plan=planned(motion.qd),
         X_BP=robot.calibration.forward(q) @ robot.X_FP,
-        X_BP_plan=planned(robot.calibration.forward(motion.q) @ robot.X_FP),
+        X_BP_plan=X_BP_plan,
         wrench_P=np.stack([sample.wrench_P for sample in log]),
         contact=np.array([sample.contact for sample in log]),
     )
+
+
+def _across(
+    shift_B: Float[np.ndarray, "n 3"], X_BP: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "n 3"]:
+    """What of shifts goes across the probe axis: the force governs the rest."""
+    axis_B = X_BP[:, :3, 2]
+    return shift_B - np.sum(shift_B * axis_B, axis=1, keepdims=True) * axis_B
 
 
 def last_row(log: list[Sample]) -> int:

@@ -83,9 +83,14 @@ class AcrossMemory:
     @property
     def rise(self) -> float:
         """How far the reference goes along with the chest [m]."""
+        return self.rise_before(0.0)
+
+    def rise_before(self, lag: float) -> float:
+        """The same as the servo has it by now, so much later [s]."""
         half_range = 0.5 * (self.high - self.low)
         trusted = half_range**4 / (half_range**4 + PLAN_ERROR**4)
-        return self.weight.position * trusted * self.estimate.position
+        risen = self.estimate.position - lag * self.estimate.rate
+        return self.weight.position * trusted * risen
 
     @property
     def indentation(self) -> float:

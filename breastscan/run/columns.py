@@ -82,7 +82,9 @@ LOG: Columns = {
     "q_plan": _joints("q{}_plan_rad", "planned angle; NaN off the loop", "rad"),
     "qd_plan": _joints("qd{}_plan_rad_s", "planned speed; NaN off the loop", "rad/s"),
     "X_BP": _pose("tip_{}", "probe tip, by the measured angles", "B"),
-    "X_BP_plan": _pose("tip_{}_plan", "planned probe tip; NaN off the loop", "B"),
+    "X_BP_plan": _pose(
+        "tip_{}_plan", "planned probe tip, moved along with drag and breath; NaN off the loop", "B"
+    ),
     "wrench_P": (
         *_vector(
             "force_{}_n", "measured force on the probe; pressing is negative along z", "N", "P"

@@ -30,10 +30,11 @@ RECORD = np.dtype(
         ("target", "<f8", 6),
         ("wrench_P", "<f8", 6),
         ("contact", "?"),
+        ("shift_B", "<f8", 3),
     ]
 )
 """One `Sample` in the file, without padding."""
-_PACKED = struct.Struct("<d20sd24d?")
+_PACKED = struct.Struct("<d20sd24d?3d")
 """The same, faster for one at a time."""
 
 
@@ -72,6 +73,7 @@ def read(path: Path) -> list[Sample]:
             target=record["target"].copy(),
             wrench_P=record["wrench_P"].copy(),
             contact=bool(record["contact"]),
+            shift_B=record["shift_B"].copy(),
         )
         for record in records
     ]
@@ -104,4 +106,5 @@ def _pack(sample: Sample) -> bytes:
         *sample.target.tolist(),
         *sample.wrench_P.tolist(),
         sample.contact,
+        *sample.shift_B.tolist(),
     )

@@ -27,6 +27,9 @@ SIMULATED = ("true_force", "true_depth", "true_tilt")
 """Fields that only a simulation can fill; without them their columns are absent."""
 
 
+NOWHERE = np.zeros(3)
+
+
 class Sample(NamedTuple):
     """What is kept of one control period."""
 
@@ -46,6 +49,8 @@ class Sample(NamedTuple):
     """Measured wrench at the tip in P, force first [N, N m]."""
     contact: bool
     """Whether the controller took the probe to touch."""
+    shift_B: Float[np.ndarray, "3"] = NOWHERE
+    """By what the reference was moved from the plan, along with drag and breath [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +87,7 @@ class Trajectory:
     X_BP: Float[np.ndarray, "n 4 4"]
     """Executed tip pose in the robot base."""
     X_BP_plan: Float[np.ndarray, "n 4 4"]
-    """Planned tip pose in the robot base."""
+    """Planned tip pose in the robot base, moved along with what drags and breathes."""
     wrench_P: Float[np.ndarray, "n 6"]
     """Measured wrench at the tip in P, force first [N, N m]; pressing reads negative along z."""
     contact: Bool[np.ndarray, "n"]

@@ -32,6 +32,7 @@ from sim.arm.servo import ServoConfig
 from sim.cameras.camera import SimStereoCamera
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
+from sim.twin import Twin
 from sim.wrist.wrench_errors import WRENCH_CLASSES
 
 FILES = {
@@ -194,17 +195,15 @@ def test_a_scan_that_cannot_be_made_leaves_earlier_results_whole(tmp_path, scene
     assert (tmp_path / "metrics.json").read_text() == "earlier"
 
 
-def test_a_scan_whose_probe_meets_the_chest_plate_is_told_so(tmp_path, capsys):
-    """A flat breast: its half-height loop lies so low that the probe's body is on the plate before
-    its face is on the skin. The controller can only wonder at its sensor.
-    """
+def test_what_else_touched_than_the_face_is_told_behind_an_error(tmp_path, capsys, monkeypatch):
+    """The controller can only wonder at its force; what the arm met, the twin knows."""
+    note = "In the twin, the probe's body touched the chest plate, first at 3.1 s"
+    monkeypatch.setattr(Twin, "touched_else", note)
     with pytest.raises(SystemExit):
-        cli.main(["scan", "--scene.phantom.breast", "dense", "--no-video", "--out", str(tmp_path)])
+        cli.main(["scan", "--set", "safety.force=5.02", "--no-video", "--out", str(tmp_path)])
     told = capsys.readouterr().err
     abort = json.loads((tmp_path / ABORTED / "abort.json").read_text())
-    assert "check the sensor and its cable" in abort["message"]
-    (note,) = abort["notes"]
-    assert "the probe's body touched the chest plate, first at" in note
+    assert abort["notes"] == [note]
     assert f"{abort['message']}\n{note}" in told
 
 
