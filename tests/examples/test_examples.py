@@ -60,7 +60,7 @@ def test_the_first_example_scans_the_twin_and_holds_it_against_the_truth(first):
     assert result.metrics["contact_fraction"] == 1.0
     assert result.images.left.shape == (1024, 1280)
     assert np.nanmax(result.trajectory.true_tilt) < np.deg2rad(10.0)
-    assert "whole chain's error: 1." in printed
+    assert "whole chain's error: 0." in printed
 
 
 def test_it_leaves_a_whole_run_folder(first, folder):
