@@ -386,7 +386,8 @@ class _Cycle:
         """Log the state that followed `target`, when the arm should be at the progress's row of
         the plan.
         """
-        state, row, shift_B = self._state, math.nan, NOWHERE
+        state, row = self._state, math.nan
+        shift_B = NOWHERE
         if progress.phase is Phase.LOOP:
             row, shift_B = progress.row, self._shift(progress.row, self._lag.lag)
         sample = Sample(

@@ -121,7 +121,8 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
     speed = surface.speed / along
     rise = (now.position - indentation) / along + now.lag * speed
     if memory.weight.position < ABSENT:
-        estimate, low, high = Follower(rise), 0.0, 0.0
+        estimate = Follower(rise)
+        low = high = 0.0
     else:
         estimate = memory.estimate.after(rise, speed, CORNER_HZ, now.period, ACCELERATION)
         low, high = memory.low, memory.high

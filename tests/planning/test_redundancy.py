@@ -1,5 +1,7 @@
 """Roll and tilt along loops around breasts drawn as they differ, on their true skin."""
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -133,16 +135,24 @@ def test_a_refusal_names_what_binds_and_what_was_tried(scene):
 
 
 def test_a_refusal_names_a_place_that_was_tried_with_success(scene):
-    """The breast 20 cm too far: 30 mm nearer to the base it fits."""
+    """The breast 20 cm too far: it fits where the refusal says, and did not where it was."""
     phantom = drawn(0)
     asked = task(scene, phantom)
-    X = se3.pose(np.eye(3), np.array([0.2, 0.0, 0.0]))
-    assert asked.clearance is not None
-    far = Task(**{**vars(asked), "clearance": asked.clearance.with_body_moved(X)})
     near = loop(phantom, scene.X_BS, phantom.height / 2)
-    path = Path(points_B=se3.transform(X, near.points_B), normals_B=near.normals_B)
-    with pytest.raises(PlanningError, match="30 mm nearer to the robot's base it would fit"):
+
+    def farther(distance: float) -> tuple[Path, Task]:
+        X = se3.pose(np.eye(3), np.array([distance, 0.0, 0.0]))
+        path = Path(points_B=se3.transform(X, near.points_B), normals_B=near.normals_B)
+        assert asked.clearance is not None
+        return path, replace(asked, clearance=asked.clearance.with_body_moved(X))
+
+    path, far = farther(0.2)
+    with pytest.raises(PlanningError, match="nearer to the robot's base it would fit") as refused:
         fit(lambda rise: path, [0.0], far)
+    told = re.search(r"with the phantom (\d+) mm nearer", str(refused.value))
+    assert told is not None
+    path, nearer = farther(0.2 - int(told[1]) * 1e-3)
+    fit(lambda rise: path, [0.0], nearer)
 
 
 def test_a_smoothed_roll_stays_between_barred_ones(scene):
