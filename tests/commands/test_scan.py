@@ -22,6 +22,7 @@ from breastscan.commands import settings
 from breastscan.commands.results import kept_elsewhere
 from breastscan.commands.scan import scan
 from breastscan.errors import CalibrationError, ConfigError, PerceptionError, PlanningError
+from breastscan.geometry import kinematics
 from breastscan.robot.interface import Robot
 from breastscan.run.bars import SCAN, bars_of
 from breastscan.run.trajectory import Trajectory
@@ -33,6 +34,7 @@ from sim.cameras.camera import SimStereoCamera
 from sim.robot import SimRobot
 from sim.scene import Scene, SceneConfig
 from sim.twin import Twin
+from sim.wrist.probe import tip_pose
 from sim.wrist.wrench_errors import WRENCH_CLASSES
 
 FILES = {
@@ -97,8 +99,12 @@ def test_joint_angles_in_the_log_are_the_running_arms_not_the_plans(trajectory):
 
 
 def test_the_loop_is_closed_and_lies_around_the_breast(trajectory):
-    tip = trajectory.X_BP_plan[trajectory.in_loop, :3, 3]
+    """And the reference goes where pressing drags the skin, a millimetre beside it."""
+    loop = trajectory.in_loop
+    tip = (kinematics.forward(trajectory.q_plan[loop]) @ tip_pose(np.pi / 4))[:, :3, 3]
     np.testing.assert_allclose(tip[0], tip[-1], atol=1e-6)
+    beside = np.linalg.norm(trajectory.X_BP_plan[loop, :3, 3] - tip, axis=1)
+    assert 0.5e-3 < np.median(beside) < beside.max() < 2e-3
     assert 0.3 < trajectory.s[trajectory.in_loop][-1] < 0.5
     assert np.ptp(tip[:, 2]) < 1e-3
 
