@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from breastscan.geometry import se3
 from breastscan.planning.motion import Motion
 from breastscan.robot.interface import Robot
 from breastscan.run.trajectory import LOOP, OVERLAP, RESUME, Sample, Trajectory
@@ -38,7 +39,9 @@ def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
         return between.reshape(len(log), *values.shape[1:])
 
     X_BP_plan = planned(robot.calibration.forward(motion.q) @ robot.X_FP)
-    X_BP_plan[:, :3, 3] += _across(np.stack([sample.shift_B for sample in log]), X_BP_plan)
+    # along the axis the force governs
+    shift_B = np.stack([sample.shift_B for sample in log])
+    X_BP_plan[:, :3, 3] += se3.across(shift_B, X_BP_plan[:, :3, 2])
     return Trajectory(
         t=t,
         phase=tuple(phase),
@@ -53,14 +56,6 @@ def trajectory(log: list[Sample], motion: Motion, robot: Robot) -> Trajectory:
         wrench_P=np.stack([sample.wrench_P for sample in log]),
         contact=np.array([sample.contact for sample in log]),
     )
-
-
-def _across(
-    shift_B: Float[np.ndarray, "n 3"], X_BP: Float[np.ndarray, "n 4 4"]
-) -> Float[np.ndarray, "n 3"]:
-    """What of shifts goes across the probe axis: the force governs the rest."""
-    axis_B = X_BP[:, :3, 2]
-    return shift_B - np.sum(shift_B * axis_B, axis=1, keepdims=True) * axis_B
 
 
 def last_row(log: list[Sample]) -> int:

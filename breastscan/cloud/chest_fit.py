@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from breastscan.geometry import robust, se3
 from breastscan.geometry.chest import Chest
 
 TURNS = 3
@@ -15,8 +16,6 @@ LEAST_SCALE = 2e-5
 GIVEN_UP = 0.2
 """How much larger the residuals of a simpler chest are than those of the best one, as a root of the
 difference of squares over the tolerance, for it to be given up [-]."""
-TO_STANDARD = 1.4826
-"""Standard deviation over the median absolute deviation of a normal distribution [-]."""
 
 
 def fit_chest(
@@ -49,8 +48,7 @@ def lie_as_well(
 
 def _scale(residuals: Float[np.ndarray, "n"], tolerance: float) -> float:
     """Standard deviation of the residuals of most points about zero [m]."""
-    scale = TO_STANDARD * np.median(np.abs(residuals))
-    return float(np.clip(scale, LEAST_SCALE, tolerance))
+    return float(np.clip(robust.deviation(residuals), LEAST_SCALE, tolerance))
 
 
 def _fit(
@@ -63,7 +61,7 @@ def _fit(
 ) -> Chest:
     chest = _plane_at(middle, normal)
     for _ in range(TURNS):
-        axes = _axes(chest.normal)
+        axes = se3.axes_along(chest.normal)
         local = (p - chest.middle) @ axes.T
         chest = _chest(chest.middle, axes, _robust(local, tolerance, bends=bends))
     return chest
@@ -72,13 +70,6 @@ def _fit(
 def _plane_at(middle: Float[np.ndarray, "3"], normal: Float[np.ndarray, "3"]) -> Chest:
     unit = normal / np.linalg.norm(normal)
     return Chest(normal=unit, offset=float(unit @ middle), middle=middle, bend=np.zeros((3, 3)))
-
-
-def _axes(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """Rows: two axes across the normal, and the normal."""
-    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(normal, across), normal])
 
 
 def _robust(

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from breastscan.cloud.smoothness import Smoothness
 from breastscan.errors import PerceptionError
-from breastscan.geometry import banded, bicubic, se3
+from breastscan.geometry import banded, bicubic, robust, se3
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import REACH, Skin
 
@@ -28,8 +28,6 @@ BALL = 0.06
 ROBUST_SCALE = 2.4
 """A residual as many standard deviations large counts half (Cauchy's weight, 95 % efficient under
 normal noise)."""
-NORMAL_DEVIATIONS = 1.4826
-"""Standard deviations of a normal distribution in its median absolute value."""
 FLATTEST = 0.05
 """Smallest slope of a line of sight against the skin that is told from none [-]."""
 RIDGE = 1e-2
@@ -74,9 +72,7 @@ def chart_pose(points: Float[np.ndarray, "n 3"], chest: Plane) -> Float[np.ndarr
     """Where the chart of a breast's skin stands: over the middle of what the points cover of the
     chest, its axis along the chest's normal.
     """
-    x = np.cross(np.eye(3)[np.argmin(np.abs(chest.normal))], chest.normal)
-    x /= np.linalg.norm(x)
-    axes = np.stack([x, np.cross(chest.normal, x), chest.normal])
+    axes = se3.axes_along(chest.normal)
     covered = np.unique(np.floor(points @ axes[:2].T / PLAN_CELL), axis=0)
     middle = (covered.mean(axis=0) + 0.5) * PLAN_CELL @ axes[:2]
     return se3.pose(axes.T, middle - chest.normal * chest.heights(middle[None])[0])
@@ -225,7 +221,7 @@ def _weighted(
     point's own [m].
     """
     left = np.abs(residual + slope * shift)
-    scale = max(1.0, NORMAL_DEVIATIONS * float(np.median(left)))
+    scale = max(1.0, robust.deviation(left))
     precision = (slope / scale) ** 2 / (1.0 + (left / (ROBUST_SCALE * scale)) ** 2)
     told = np.abs(slope) > 0
     return precision, np.where(told, -residual / np.where(told, slope, 1.0), 0.0)

@@ -6,6 +6,7 @@ before it. Offsets and radii are read off the arm's outline.
 
 import numpy as np
 
+from breastscan.geometry import se3
 from breastscan.geometry.hulls import Shape
 from breastscan.geometry.kinematics import DH_A, DH_D
 
@@ -48,13 +49,6 @@ def _capsule(name: str, start: Point, end: Point, radius: float) -> Shape:
     along = np.subtract(end, start)
     length = float(np.linalg.norm(along))
     X = np.eye(4)
-    X[:3, :3] = _axes(along / length)
+    X[:3, :3] = se3.axes_along(along / length).T
     X[:3, 3] = np.add(start, end) / 2.0
     return Shape(name=name, kind="capsule", size=(radius, length / 2.0), X=X)
-
-
-def _axes(z: np.ndarray) -> np.ndarray:
-    """Any rotation whose third column is `z`."""
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)

@@ -111,6 +111,20 @@ def pose_vector(X_AB: Float[np.ndarray, "*b 4 4"]) -> Float[np.ndarray, "*b 6"]:
     return np.concatenate([X_AB[..., :3, 3], rotation_vector(X_AB)], axis=-1)
 
 
+def axes_along(n: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """A right-handed basis, in rows, whose third axis is the unit vector `n`."""
+    x = np.cross(np.eye(3)[np.argmin(np.abs(n))], n)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(n, x), n])
+
+
+def across(
+    v: Float[np.ndarray, "*b 3"], axis: Float[np.ndarray, "*b 3"]
+) -> Float[np.ndarray, "*b 3"]:
+    """What of vectors goes across unit axes."""
+    return v - np.sum(v * axis, axis=-1, keepdims=True) * axis
+
+
 def angle_between(
     a: Float[np.ndarray, "*b 3"], b: Float[np.ndarray, "*b 3"]
 ) -> Float[np.ndarray, "*b"]:

@@ -67,9 +67,7 @@ class Motion:
 
     def at(self, row: float) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] at a row, with a fraction."""
-        first = int(row)
-        second = min(first + 1, len(self.q) - 1)
-        return self.q[first] + (row - first) * (self.q[second] - self.q[first])
+        return _between_rows(self.q, row)
 
     def drag_at(self, row: float, indentation: float) -> Float[np.ndarray, "3"]:
         """How far pressing moves the skin under the tip across the probe axis, in B [m].
@@ -82,10 +80,7 @@ class Motion:
         """
         if self.drag_B is None or indentation <= 0:
             return np.zeros(3)
-        first = int(row)
-        second = min(first + 1, len(self.q) - 1)
-        drag_B = self.drag_B[first] + (row - first) * (self.drag_B[second] - self.drag_B[first])
-        return indentation**DRAG_EXPONENT * drag_B
+        return indentation**DRAG_EXPONENT * _between_rows(self.drag_B, row)
 
     def lifted(
         self, row: int, X_FP: Float[np.ndarray, "4 4"], arm: KinematicCalibration
@@ -107,6 +102,13 @@ class Motion:
                     f"{self.clearance * 1e3:.0f} mm: move the phantom closer to the robot's base",
                     row,
                 )
+
+
+def _between_rows(values: Float[np.ndarray, "n k"], row: float) -> Float[np.ndarray, "k"]:
+    """Linear between the rows; the last row's beyond it."""
+    first = int(row)
+    second = min(first + 1, len(values) - 1)
+    return values[first] + (row - first) * (values[second] - values[first])
 
 
 def plan_motion(

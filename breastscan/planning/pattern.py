@@ -103,9 +103,24 @@ def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig, rise: floa
     Raises:
         PlanningError: The loop is too small, or crosses skin that was not seen.
     """
-    top_ab = top(skin, plate)
-    height = float(plate.heights(skin.points(top_ab[None]))[0])
-    return level_loop(skin, plate, config.height_fraction * height + rise, config)
+    level = _Level.around(skin, plate, config.height_fraction, rise)
+    height = level.height
+    traced_ab = level.trace(2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS)
+    _require_known(skin, traced_ab, skin.known(traced_ab), f"the loop at {height * 1e3:.0f} mm")
+    traced_B = skin.points(traced_ab)
+    radius = float(np.linalg.norm(traced_B - traced_B.mean(axis=0), axis=1).min())
+    if radius < config.smallest_radius:
+        raise PlanningError(
+            f"the loop at {height * 1e3:.0f} mm above the plate has a radius of {radius * 1e3:.0f} "
+            f"mm, the smallest to be scanned is {config.smallest_radius * 1e3:.0f} mm: choose a "
+            "lower loop",
+            radius,
+        )
+    curve = Nurbs.interpolate(traced_B)
+    even_B = curve.evaluate(
+        curve.parameter(curve.length * np.arange(config.points) / config.points)
+    )
+    return _on_skin(skin, level.trace(level.azimuths(even_B)), closed=True)
 
 
 def top(skin: Skin, plate: Plane) -> Float[np.ndarray, "2"]:
@@ -130,31 +145,6 @@ def top(skin: Skin, plate: Plane) -> Float[np.ndarray, "2"]:
             best,
         )
     return best
-
-
-def level_loop(skin: Skin, plate: Plane, height: float, config: PatternConfig) -> Path:
-    """The closed loop round the breast at `height` [m] above the plate.
-
-    Raises:
-        PlanningError: It is too small, or crosses skin that was not seen.
-    """
-    level = _Level.around(skin, plate, height)
-    traced_ab = level.trace(2.0 * np.pi * np.arange(TRACED_POINTS) / TRACED_POINTS)
-    _require_known(skin, traced_ab, skin.known(traced_ab), f"the loop at {height * 1e3:.0f} mm")
-    traced_B = skin.points(traced_ab)
-    radius = float(np.linalg.norm(traced_B - traced_B.mean(axis=0), axis=1).min())
-    if radius < config.smallest_radius:
-        raise PlanningError(
-            f"the loop at {height * 1e3:.0f} mm above the plate has a radius of {radius * 1e3:.0f} "
-            f"mm, the smallest to be scanned is {config.smallest_radius * 1e3:.0f} mm: choose a "
-            "lower loop",
-            radius,
-        )
-    curve = Nurbs.interpolate(traced_B)
-    even_B = curve.evaluate(
-        curve.parameter(curve.length * np.arange(config.points) / config.points)
-    )
-    return _on_skin(skin, level.trace(level.azimuths(even_B)), closed=True)
 
 
 def path_on(skin: Skin, ab: Float[np.ndarray, "n 2"], *, closed: bool) -> Path:
@@ -183,12 +173,15 @@ class _Level:
     """Rows in the chart: azimuth 0 (towards the robot), azimuth 90 degrees."""
 
     @staticmethod
-    def around(skin: Skin, plate: Plane, height: float) -> "_Level":
+    def around(skin: Skin, plate: Plane, height_fraction: float, rise: float) -> "_Level":
+        """At a fraction of the top's height, and `rise` [m] above that."""
+        top_ab = top(skin, plate)
+        top_height = float(plate.heights(skin.points(top_ab[None]))[0])
         return _Level(
             skin=skin,
             plate=plate,
-            height=height,
-            top_ab=top(skin, plate),
+            height=height_fraction * top_height + rise,
+            top_ab=top_ab,
             axes=towards_robot(skin),
         )
 

@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError
+from breastscan.geometry import se3
 from breastscan.geometry.plane import Plane
 from breastscan.tissue.elements import (
     ClampedBody,
@@ -99,8 +100,7 @@ def along_path(
     knots = np.linspace(s[0], s[-1], SECTIONS + 1)
     knots = np.concatenate([knots[[0] * 3], knots, knots[[-1] * 3]])
     smooth = make_lsq_spline(s[rows], at_places, knots, k=3)(s)
-    axes_B = X_BP[:, :3, 2]
-    return smooth - np.sum(smooth * axes_B, axis=1, keepdims=True) * axes_B
+    return se3.across(smooth, X_BP[:, :3, 2])
 
 
 class PressedBreast:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from scipy.special import sph_harm_y_all
 
 from breastscan.errors import PlanningError
+from breastscan.geometry import robust, se3
 from breastscan.geometry.plane import Plane
 from breastscan.tissue.mesh import half_shell
 
@@ -22,14 +23,14 @@ BENDING = 3e-8
 """Weight of the squared bending of the relative radius against its squared error [-]."""
 OUTLIER = 4.0
 """Residual, in robust standard deviations, from which a point is left out."""
-NORMAL_SPREAD = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
 FEWEST_POINTS = 2 * (DEGREE + 1) ** 2
 """Points that a shape needs."""
 CHECKED = 0.1
 """Spacing of the directions in which the shape is checked [rad]."""
 SHORTEST = 0.2
 """Least distance of the skin from the middle of the foot, over its mean [-]."""
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+"""The mesh is not quite symmetric: so it lies for the figures in docs/drag.md."""
 COLUMN_STEPS = 3
 """Steps to a point's place over a chest that is not flat."""
 
@@ -61,7 +62,7 @@ class StarShape:
                 f"got {len(points_B)}: keep more points of the cloud",
                 len(points_B),
             )
-        axes_B = _axes(chest.normal)
+        axes_B = HALF_TURN @ se3.axes_along(chest.normal)
         middle_B = points_B.mean(axis=0)
         foot_B = middle_B - chest.heights(middle_B[None]) * chest.normal
         local = np.column_stack([(points_B - foot_B) @ axes_B[:2].T, chest.heights(points_B)])
@@ -69,8 +70,8 @@ class StarShape:
         radius = float(np.median(distance))
         terms = _harmonics(local / distance[:, None])
         harmonics = _fit(terms, distance / radius)
-        residual = np.abs(terms @ harmonics - distance / radius)
-        inlier = residual <= OUTLIER * NORMAL_SPREAD * np.median(residual)
+        residual = terms @ harmonics - distance / radius
+        inlier = np.abs(residual) <= OUTLIER * robust.deviation(residual)
         shape = StarShape(
             foot_B=foot_B,
             axes_B=axes_B,
@@ -102,13 +103,6 @@ class StarShape:
                 "cloud for a side that was not seen",
                 least,
             )
-
-
-def _axes(normal_B: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """A right-handed basis, in rows, whose third axis is `normal_B`."""
-    across_B = np.cross(normal_B, np.eye(3)[np.argmin(np.abs(normal_B))])
-    across_B /= np.linalg.norm(across_B)
-    return np.stack([across_B, np.cross(normal_B, across_B), normal_B])
 
 
 def _fit(

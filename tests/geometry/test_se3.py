@@ -59,6 +59,20 @@ def test_poses_come_back_from_their_quaternions_and_unknown_ones_stay_unknown():
     assert np.isnan(se3.quaternion(X[:1])).all()
 
 
+@pytest.mark.parametrize("n", [[0.0, 0, 1], [0, 0, -1], [1, 0, 0], [-0.48, 0.6, 0.64]])
+def test_axes_along_a_vector_are_a_right_handed_basis_with_it_last(n):
+    R = se3.axes_along(np.array(n, float))
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    np.testing.assert_array_equal(R[2], n)
+
+
+def test_what_goes_across_an_axis_leaves_out_what_goes_along():
+    axis = np.array([[0.0, 0.0, 1.0], [0.6, 0.8, 0.0]])
+    v = np.array([[1.0, 2.0, 3.0], [1.2, 1.6, 5.0]])
+    np.testing.assert_allclose(se3.across(v, axis), [[1, 2, 0], [0, 0, 5]], atol=1e-15)
+
+
 def test_every_function_is_batched():
     rng = np.random.default_rng(0)
     r, p = rng.normal(size=(5, 4, 3)), rng.normal(size=(5, 4, 3))

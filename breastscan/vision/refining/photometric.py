@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Float32, Int, Shaped
 from scipy.ndimage import spline_filter1d
 
 from breastscan.checks import require_positive
+from breastscan.geometry import robust
 from breastscan.geometry.banded import factorized, solved
 from breastscan.geometry.compiled import kernel
 from breastscan.vision.refining.spline_field import Region, SplineField
@@ -19,8 +20,6 @@ INITIAL_SMOOTHING = 1e-2
 INITIAL_ROUNDS = 2
 INITIAL_OUTLIER_PX = 0.3
 """In the fit to the matcher's disparity, a residual beyond this counts less."""
-NORMAL_DEVIATIONS = 1.4826
-"""Standard deviations of a normal distribution in its median absolute value."""
 RENEWED_ABOVE_PX = 0.02
 """After a shorter step, RMS over the object, the normal matrix is kept [px]."""
 MIN_NOISE = 0.3
@@ -211,7 +210,7 @@ def _step(
 
 def noise_of(residual: Float[np.ndarray, "n"]) -> float:
     """Standard deviation of grey-level differences, most of which are noise [grey levels]."""
-    return max(MIN_NOISE, NORMAL_DEVIATIONS * float(np.median(np.abs(residual))))
+    return max(MIN_NOISE, robust.deviation(residual))
 
 
 def _ridge(field: SplineField) -> Float[np.ndarray, "band"]:
