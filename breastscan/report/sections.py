@@ -112,18 +112,20 @@ def path(run: Run) -> str:
         html.drawing(
             path_figures.planned_and_executed(run.path_B, run.trajectory),
             "The loop from above and its height over the path length, planned and executed",
-            "Planned loop on the skin through the numbered path points, and the executed one. On "
-            "soft tissue it lies deeper, by the indentation. From above, the deviation is enlarged "
-            "by the factor in the legend. Compare with Figs. 18 and 22 of the paper.",
+            "The loop that was planned through the numbered path points, moved as far as drag and "
+            "breath move the skin, and the executed one. On soft tissue it lies deeper, by the "
+            "indentation. From above, the deviation is enlarged by the factor in the legend. "
+            "Compare with Figs. 18 and 22 of the paper.",
         ),
         html.drawing(
             path_figures.deviations(run.trajectory),
             "Five curves over the path length, each with a histogram: the tracking error across "
             "the normal, the indentation, and both together in x, y and z",
-            "Executed minus planned tip at equal path parameter. Across the normal it is the "
-            "tracking error; along it, on soft tissue, the indentation, which is wanted and shows "
-            "in x, y and z as well. The shaded bands are the mean absolute errors of the paper, "
-            "which scanned a rigid print. Compare with Fig. 21 of the paper.",
+            "Executed minus planned tip, which moves with the skin, at equal path parameter. "
+            "Across the normal it is the tracking error; along it, on soft tissue, the "
+            "indentation, which is wanted and shows in x, y and z as well. The shaded bands are "
+            "the mean absolute errors of the paper, which scanned a rigid print. Compare with Fig. "
+            "21 of the paper.",
         ),
         _table4(run),
     )
