@@ -45,8 +45,7 @@ from breastscan.run.writing import (
     write_path,
     write_settings,
 )
-from breastscan.tissue import drag
-from breastscan.tissue.drag import TissueConfig
+from breastscan.tissue.drag import PressedBreast, TissueConfig
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.disparity_picture import disparity_picture
@@ -433,6 +432,17 @@ def plan_scan(
         skin = reconstruction.skin.seen_from(X_BL)
         plate = reconstruction.breast.plate.seen_from(X_BL)
         loop = pattern.half_height_loop(skin, plate, planning.pattern)
+    with stages.stage("drag"):
+        tissue = PressedBreast.perceived(points_B, plate, planning.tissue)
+
+    def loop_at(rise: float) -> SkinPath:
+        """The loop, so much higher [m], along the normals of the places to press for it."""
+        higher = pattern.half_height_loop(skin, plate, planning.pattern, rise) if rise else loop
+        places_B = tissue.places(
+            higher.points_B, higher.normals_B, plate.normal, config.contact.force
+        )
+        return pattern.pressed_at(higher, skin, places_B)
+
     with stages.stage("motion"):
         task = Task(
             X_FP=robot.X_FP,
@@ -443,12 +453,6 @@ def plan_scan(
             corrections=config.corrections,
             calibration=robot.calibration,
         )
-
-        def loop_at(rise: float) -> SkinPath:
-            if rise == 0.0:
-                return loop
-            return pattern.half_height_loop(skin, plate, planning.pattern, rise)
-
         fitted = fitting.fit(loop_at, planning.rises, task)
         planned = fitted.motion
         hidden = motion.hidden_speed(
@@ -456,7 +460,7 @@ def plan_scan(
         )
     with stages.stage("drag"):
         X_BP = robot.calibration.forward(planned.q) @ robot.X_FP
-        drag_B = drag.along_path(points_B, plate, X_BP, planned.s, planning.tissue)
+        drag_B = tissue.along_path(X_BP, planned.s)
         planned = replace(planned, drag_B=drag_B, chest_normal_B=plate.normal)
     return ScanPlan(
         points_B=points_B,

@@ -4,7 +4,7 @@ Every point of a path, and its normal, are the skin's own (`geometry.skin`); a p
 skin that was not seen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,14 +61,14 @@ class PatternConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Path:
-    """Ordered points on the skin and the outward normals there; a closed path returns to its
-    first point by itself.
+    """Ordered points on the skin and the outward normals that the probe is to stand along; a closed
+    path returns to its first point by itself.
     """
 
     points_B: Float[np.ndarray, "n 3"]
-    """Points in B [m]."""
+    """Points that are to be touched, in B [m]."""
     normals_B: Float[np.ndarray, "n 3"]
-    """Unit normals, outwards."""
+    """Unit normals, outwards: the skin's in these points, or where it is pressed for them."""
     closed: bool = True
 
     @cached_property
@@ -121,6 +121,13 @@ def half_height_loop(skin: Skin, plate: Plane, config: PatternConfig, rise: floa
         curve.parameter(curve.length * np.arange(config.points) / config.points)
     )
     return _on_skin(skin, level.trace(level.azimuths(even_B)), closed=True)
+
+
+def pressed_at(path: Path, skin: Skin, places_B: Float[np.ndarray, "n 3"]) -> Path:
+    """The path with the skin's normals in other places, where the probe presses to touch its
+    points.
+    """
+    return replace(path, normals_B=skin.normals(skin.chart(places_B)))
 
 
 def top(skin: Skin, plate: Plane) -> Float[np.ndarray, "2"]:

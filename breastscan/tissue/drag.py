@@ -40,8 +40,10 @@ QUADRATURE = 8
 VIRTUAL_DEPTH = 0.64
 """Depth of the virtual overlap over the indentation [-]: the twin's contact is then as long."""
 NOMINAL = 0.006
-"""Indentation that the pressure is spread for [m]: that of 5 N on a tissue of 30 kPa. From 3 to 7
-mm the drag over its power 1.5 is the same within 5 %, 11 % on small dense breasts."""
+"""Indentation that the pressure is spread for [m]. From 3 to 7 mm the drag over its power 1.5 is
+the same within 5 %, 11 % on small dense breasts."""
+NOMINAL_FORCE = 5.0
+"""Force that presses a tissue of 30 kPa in by as much [N]."""
 PLACES = 33
 """Places of the path that are pressed."""
 SECTIONS = 8
@@ -74,37 +76,8 @@ class TissueConfig:
             )
 
 
-def along_path(
-    points_B: Float[np.ndarray, "n 3"],
-    chest: Plane,
-    X_BP: Float[np.ndarray, "m 4 4"],
-    s: Float[np.ndarray, "m"],
-    config: TissueConfig,
-) -> Float[np.ndarray, "m 3"]:
-    """Motion of the touched skin across the probe axis in B, over the indentation's power 1.5
-    [m^-1/2]: a smooth curve through some places of the path.
-
-    Args:
-        points_B: The perceived skin [m].
-        chest: What holds the tissue.
-        X_BP: The probe along the path, its tip on the undeformed skin.
-        s: Length along the path [m].
-        config: Tissue and probe.
-
-    Raises:
-        PlanningError: The points do not go round a breast.
-    """
-    body = PressedBreast(StarShape.fit(points_B, chest).embed, config)
-    rows = np.linspace(0, len(s) - 1, PLACES).round().astype(int)
-    at_places = body.drag(X_BP[rows])
-    knots = np.linspace(s[0], s[-1], SECTIONS + 1)
-    knots = np.concatenate([knots[[0] * 3], knots, knots[[-1] * 3]])
-    smooth = make_lsq_spline(s[rows], at_places, knots, k=3)(s)
-    return se3.across(smooth, X_BP[:, :3, 2])
-
-
 class PressedBreast:
-    """A homogeneous breast of some shape in its frame A, on its chest, ready to be pressed."""
+    """A homogeneous breast of some shape in a frame A, on its chest, ready to be pressed."""
 
     def __init__(self, embed: Embed, config: TissueConfig) -> None:
         """Mesh the shape and factor its elasticity."""
@@ -118,6 +91,54 @@ class PressedBreast:
         facets = skin_facets(basis, mesh)
         self._skin = skfem.FacetBasis(basis.mesh, SCALAR, facets=facets, intorder=QUADRATURE)
         self._corners_A = mesh.nodes[np.asarray(basis.mesh.facets)[:, facets].T]
+
+    @staticmethod
+    def perceived(
+        points_A: Float[np.ndarray, "n 3"], chest: Plane, config: TissueConfig
+    ) -> "PressedBreast":
+        """The breast of which points were seen, on what holds its tissue.
+
+        Raises:
+            PlanningError: The points do not go round a breast.
+        """
+        return PressedBreast(StarShape.fit(points_A, chest).embed, config)
+
+    def places(
+        self,
+        points_A: Float[np.ndarray, "k 3"],
+        normals_A: Float[np.ndarray, "k 3"],
+        up_A: Float[np.ndarray, "3"],
+        force: float,
+    ) -> Float[np.ndarray, "k 3"]:
+        """Where the axis of a probe that touches these points meets the undeformed skin, or comes
+        near it [m].
+
+        Args:
+            points_A: Points of the skin [m].
+            normals_A: Unit normals there, against which the probe presses.
+            up_A: The chest's normal, along none of those: the array lies across it.
+            force: With which it presses [N].
+        """
+        x_A = np.cross(normals_A, up_A)
+        x_A /= np.linalg.norm(x_A, axis=1, keepdims=True)
+        R_AP = np.stack([x_A, -np.cross(normals_A, x_A), -normals_A], axis=-1)
+        X_AP = se3.pose(R_AP, points_A)
+        return points_A + NOMINAL**1.5 * force / NOMINAL_FORCE * self.drag(X_AP)
+
+    def along_path(
+        self, X_AP: Float[np.ndarray, "m 4 4"], s: Float[np.ndarray, "m"]
+    ) -> Float[np.ndarray, "m 3"]:
+        """`drag` all along a path, a smooth curve through some of its places [m^-1/2].
+
+        Args:
+            X_AP: The probe along the path, its tip on the undeformed skin.
+            s: Length along the path [m].
+        """
+        rows = np.linspace(0, len(s) - 1, PLACES).round().astype(int)
+        knots = np.linspace(s[0], s[-1], SECTIONS + 1)
+        knots = np.concatenate([knots[[0] * 3], knots, knots[[-1] * 3]])
+        smooth = make_lsq_spline(s[rows], self.drag(X_AP[rows]), knots, k=3)(s)
+        return se3.across(smooth, X_AP[:, :3, 2])
 
     def drag(self, X_AP: Float[np.ndarray, "k 4 4"]) -> Float[np.ndarray, "k 3"]:
         """Motion of the touched skin across the probe axis in A, over the indentation's power 1.5

@@ -26,7 +26,7 @@ from breastscan.planning.motion import Motion
 from breastscan.robot.ur import ur5e
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.scan import ScanConfig, Stages, perceive
-from breastscan.tissue import drag
+from breastscan.tissue.drag import PressedBreast
 from breastscan.vision import calibration
 from breastscan.vision.board import Board, find_corners
 from breastscan.vision.camera import Intrinsics, StereoRig
@@ -161,7 +161,7 @@ def dragged(c: Everything) -> Any:
     x_B /= np.linalg.norm(x_B, axis=1, keepdims=True)
     X_BP = se3.pose(np.stack([x_B, np.cross(z_B, x_B), z_B], axis=-1), path.points_B)
     s = np.linspace(0.0, path.curve.length, len(X_BP))
-    return drag.along_path(dome()[0], PLATE, X_BP, s, c.planning.tissue)
+    return PressedBreast.perceived(dome()[0], PLATE, c.planning.tissue).along_path(X_BP, s)
 
 
 @cache

@@ -78,6 +78,14 @@ def test_between_its_points_the_curve_stays_on_the_skin_and_its_normals_right(pa
     np.testing.assert_allclose(np.linalg.norm(path.normals(u), axis=1), 1.0)
 
 
+def test_a_probe_that_presses_beside_a_points_place_stands_along_the_normal_there(path):
+    higher = pattern.half_height_loop(SKIN, PLATE, PatternConfig(), rise=0.002)
+    pressed = pattern.pressed_at(path, SKIN, higher.points_B)
+    np.testing.assert_array_equal(pressed.points_B, path.points_B)
+    assert angle_deg(pressed.normals_B, true_normals(higher.points_B)).max() < 0.2
+    assert angle_deg(pressed.normals_B, path.normals_B).min() > 0.8
+
+
 def test_on_a_noisy_cloud_the_loop_is_right_within_a_tenth_of_a_millimetre():
     loop = pattern.half_height_loop(fit_cloud(*ellipsoid_cloud(), PLATE), PLATE, PatternConfig())
     assert rms(distance_from_skin_mm(loop.points_B)) < 0.1

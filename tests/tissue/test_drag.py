@@ -7,7 +7,7 @@ import pytest
 
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
-from breastscan.tissue.drag import PressedBreast, TissueConfig, along_path
+from breastscan.tissue.drag import PressedBreast, TissueConfig
 from tests.tissue.shapes import CHEST, dome, dome_cloud, probes, tilted
 
 CONFIG = TissueConfig()
@@ -51,6 +51,16 @@ def test_turning_the_probe_about_its_axis_hardly_changes_it(pressed):
     assert 1e3 * AT_6_MM * np.linalg.norm(change.mean(axis=0)) < 0.3
 
 
+@pytest.mark.parametrize("force", [1.0, 5.0])
+def test_a_point_of_a_flank_is_touched_from_above_it_in_proportion_to_the_force(pressed, force):
+    X_AP = probes(HALF_HEIGHT, 12)
+    points_A, uphill_A = X_AP[:, :3, 3], -X_AP[:, :3, 1]
+    up_A = np.array([0.0, 0.0, 1.0])
+    off_mm = 1e3 * (pressed.places(points_A, -X_AP[:, :3, 2], up_A, force) - points_A)
+    assert np.sum(off_mm * uphill_A, axis=1) == pytest.approx(force / 5.0, abs=0.4 * force / 5.0)
+    np.testing.assert_allclose(off_mm, 1e3 * AT_6_MM * force / 5.0 * pressed.drag(X_AP), atol=1e-9)
+
+
 def path_of(X_BA):
     """Probes all round, at every degree, and the length along their path [m]."""
     X_BP = X_BA @ probes(HALF_HEIGHT, 360)
@@ -63,7 +73,8 @@ def test_along_a_path_it_is_smooth_and_does_not_care_how_the_chest_lies():
     for X_BA in (np.eye(4), tilted()):
         X_BP, s = path_of(X_BA)
         points_B = se3.transform(X_BA, dome_cloud(0))
-        drag_B = along_path(points_B, CHEST.seen_from(X_BA), X_BP, s, CONFIG)
+        breast = PressedBreast.perceived(points_B, CHEST.seen_from(X_BA), CONFIG)
+        drag_B = breast.along_path(X_BP, s)
         np.testing.assert_allclose(np.sum(drag_B * X_BP[:, :3, 2], axis=1), 0.0, atol=1e-9)
         found.append(1e3 * AT_6_MM * np.einsum("kca,kc->ka", X_BP[:, :3, :3], drag_B))
     assert np.abs(np.diff(found[0], axis=0)).max() < 0.02
