@@ -15,6 +15,7 @@ import pytest
 from breastscan import execution, scan_log
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
+from breastscan.control.settle_fit import POWER
 from breastscan.errors import PlanningError, RobotError, SafetyError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
@@ -342,17 +343,18 @@ CHEST_B = np.array([math.sin(0.6), 0.0, math.cos(0.6)])
 """The chest's outward normal, at .6 rad to the probe axis."""
 
 
+INDENTATION = 0.0061
+"""Of soft tissue, at 5 N [m]."""
+
+
 class SoftRobot(SpringRobot):
     """A plane that is pressed as soft tissue is."""
 
     def _wrench(self):
         X_BP = kinematics.forward(self.q) @ self.X_FP
-        force = (480.0 * max(self.height - X_BP[2, 3], 0.0)) ** 1.5
+        depth = max(self.height - X_BP[2, 3], 0.0)
+        force = 5.0 * (depth / INDENTATION) ** (1 / POWER)
         return np.concatenate([X_BP[:3, :3].T @ [0.0, 0.0, force], np.zeros(3)])
-
-
-INDENTATION = 5.0 ** (2 / 3) / 480.0
-"""Of it, at 5 N [m]."""
 
 
 class BreathingRobot(SoftRobot):

@@ -32,6 +32,10 @@ FLATTEST = 0.05
 """Smallest slope of a line of sight against the skin that is told from none [-]."""
 RIDGE = 1e-2
 """Precision added to every coefficient [1/m^2]: those that nothing tells of stay finite."""
+NIPPLE = 1.5
+"""Over how many cells a nipple's fades, a standard deviation."""
+THIRD_MIDDLE = 1.5
+"""Of the four coefficients of a third difference, from its first."""
 SQUARES = 76
 """Of the chart along a side, in which skin is known or not: 3 mm on the flank."""
 FEWEST = 100
@@ -87,7 +91,10 @@ class SkinFit:
 
 
 def fit_skin(
-    sightings: Sightings, X_AN: Float[np.ndarray, "4 4"], before: SkinFit | None = None
+    sightings: Sightings,
+    X_AN: Float[np.ndarray, "4 4"],
+    before: SkinFit | None = None,
+    nipple: float = 0.0,
 ) -> SkinFit:
     """The skin in A that the sightings show, on a chart whose pose is `X_AN`.
 
@@ -95,6 +102,8 @@ def fit_skin(
         sightings: At least `FEWEST`.
         X_AN: As `chart_pose` gives it.
         before: An earlier fit on the same chart, near this one: saves time.
+        nipple: Least standard deviation of the coefficients' third differences on the breast's top
+            [m], where the sightings are too few to teach that a nipple stands there.
 
     Raises:
         PerceptionError: They are too few.
@@ -112,8 +121,20 @@ def fit_skin(
             radii=banded.solved(factor, right_side).reshape(m, m),
             covariance=banded.inverse_within_band(factor),
         )
-        smoothness = smoothness.learned(skin.radii, skin.covariance)
+        smoothness = smoothness.learned(skin.radii, skin.covariance, _nipple(skin, nipple))
     return SkinFit(skin=replace(skin, support=_support(ab)), smoothness=smoothness)
+
+
+def _nipple(skin: Skin, spread: float) -> Float[np.ndarray, "m m"]:
+    """Variance of the third differences that begin at each coefficient [m^2], for a nipple where
+    the skin stands highest over the chest.
+    """
+    m = len(skin.radii)
+    side = (np.arange(m) - 1) * 2 * REACH / (m - 3) - REACH
+    heights = skin.radii * np.cos(np.hypot(side[:, None], side))
+    top = np.array(np.unravel_index(np.argmax(heights), heights.shape))
+    from_top = np.indices(heights.shape) + THIRD_MIDDLE - top[:, None, None]
+    return spread**2 * np.exp(-np.sum(from_top**2, axis=0) / (2 * NIPPLE**2))
 
 
 def require_enough(points: int) -> None:

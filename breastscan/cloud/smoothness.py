@@ -45,10 +45,17 @@ class Smoothness:
         _add(1.0 / self.variance, *_STENCILS, matrix)
 
     def learned(
-        self, radii: Float[np.ndarray, "m m"], covariance: Float[np.ndarray, "n band"]
+        self,
+        radii: Float[np.ndarray, "m m"],
+        covariance: Float[np.ndarray, "n band"],
+        least: Float[np.ndarray, "m m"],
     ) -> "Smoothness":
-        """What a fit with this expectation teaches, from its coefficients and their covariance
-        within the band.
+        """What a fit with this expectation teaches.
+
+        Args:
+            radii: Its coefficients [m].
+            covariance: Theirs, within the band [m^2].
+            least: What the variances are known to be at least [m^2].
         """
         squares, uncertainty = np.zeros_like(radii), np.zeros_like(radii)
         _third_differences(radii, covariance, *_STENCILS, squares, uncertainty)
@@ -57,7 +64,8 @@ class Smoothness:
         variance = (gaussian_filter(squares, POOL) + RARE * RARE_SPREAD**2) / (
             gaussian_filter(seen, POOL) + RARE
         )
-        return Smoothness(variance=np.clip(variance, LEAST_VARIANCE, GREATEST_VARIANCE))
+        variance = np.clip(variance, LEAST_VARIANCE, GREATEST_VARIANCE)
+        return Smoothness(variance=np.maximum(variance, least))
 
 
 def _stencils() -> tuple[

@@ -7,8 +7,8 @@ which the force loop follows and so tells, and across it by
 
     h (n - (n . z) z),    h = p / (n . z).
 
-p is where the tip is, less its indentation, for which `control.settle_fit` finds the stiffness
-while the force rises.
+p is where the tip is, less its indentation, for which `control.settle_fit` finds how soft the skin
+is while the force rises.
 
 What lies within the errors of a plan is not taken for breath: with R half the range of the rise so
 far, the plan's own place among it, the share R^4 / (R^4 + e^4) of it is.
@@ -18,11 +18,14 @@ from dataclasses import dataclass, field, replace
 
 from breastscan.control.follower import Follower
 from breastscan.control.phases import PRESSING, Phase
-from breastscan.control.settle_fit import SettleFit
-from breastscan.control.surface import EXPONENT, SkinEstimate
+from breastscan.control.settle_fit import POWER, SettleFit
+from breastscan.control.surface import SkinEstimate
 
-CORNER_HZ = 2.0
-"""Of the low-pass on rise and indentation [Hz]: eight times a calm breath's."""
+RISE_HZ = 2.0
+"""Corner of the low-pass on the rise [Hz]: eight times a calm breath's."""
+DEPTH_HZ = 8.0
+"""Of that on the indentation [Hz]: the tip goes along with the skin that it drags while the force
+rises, and not after."""
 ACCELERATION = 0.4
 """Bound of the rise's and the indentation's [m/s^2]: twice that of a breath of 5 mm at 1 Hz."""
 BLEND_HZ = 1.3
@@ -74,9 +77,9 @@ class AcrossMemory:
     depth: Follower = field(default_factory=Follower)
     """Indentation [m]."""
     fit: SettleFit | None = None
-    """For the stiffness; None but on the first spot of a contact."""
-    stiffness: float = 1.0
-    """Of the skin, as it was found there [N^(2/3)/m]."""
+    """For the softness; None but on the first spot of a contact."""
+    softness: float = 0.0
+    """Of the skin, as it was found there: the indentation over f^m [m/N^m]."""
     skin_rate: float = 0.0
     """Speed of the chest along its normal in this period [m/s]."""
 
@@ -111,10 +114,10 @@ def update(now: Pressed, memory: AcrossMemory) -> AcrossMemory:
 
 def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> AcrossMemory:
     """In contact."""
-    root = now.force ** (1 / EXPONENT)
-    memory = _with_stiffness(now, root, surface.stiffness, memory)
-    indentation = root / memory.stiffness
-    depth = memory.depth.after(indentation, 0.0, CORNER_HZ, now.period, ACCELERATION)
+    root = now.force**POWER
+    memory = _with_softness(now, root, surface.indentation(now.force) / root, memory)
+    indentation = root * memory.softness
+    depth = memory.depth.after(indentation, 0.0, DEPTH_HZ, now.period, ACCELERATION)
     if now.along == 0.0:
         return replace(memory, depth=depth)
     along = min(now.along, -MIN_ALONG)
@@ -124,7 +127,7 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
         estimate = Follower(rise)
         low = high = 0.0
     else:
-        estimate = memory.estimate.after(rise, speed, CORNER_HZ, now.period, ACCELERATION)
+        estimate = memory.estimate.after(rise, speed, RISE_HZ, now.period, ACCELERATION)
         low, high = memory.low, memory.high
     return AcrossMemory(
         estimate,
@@ -133,21 +136,21 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
         memory.weight.after(1.0, 0.0, BLEND_HZ, now.period),
         depth,
         memory.fit,
-        memory.stiffness,
+        memory.softness,
         speed,
     )
 
 
-def _with_stiffness(
+def _with_softness(
     now: Pressed, root: float, observed: float, memory: AcrossMemory
 ) -> AcrossMemory:
-    """The stiffness is the observer's until that of the fit is there."""
+    """The softness is the observer's until that of the fit is there."""
     if now.phase is Phase.SETTLE:
         fit = memory.fit or SettleFit.beginning(now.position, root)
         fit = fit.after(now.position, root, now.period)
-        return replace(memory, fit=fit, stiffness=observed)
+        return replace(memory, fit=fit, softness=observed)
     if memory.fit is not None:
-        return replace(memory, fit=None, stiffness=memory.fit.stiffness(observed))
+        return replace(memory, fit=None, softness=memory.fit.softness(observed))
     return memory
 
 
@@ -166,6 +169,6 @@ def _coasting(
     memory: AcrossMemory, weight: Follower, indentation: float, period: float
 ) -> AcrossMemory:
     """Without knowing where the skin is."""
-    estimate = memory.estimate.after(memory.estimate.position, 0.0, CORNER_HZ, period, ACCELERATION)
-    depth = memory.depth.after(indentation, 0.0, CORNER_HZ, period, ACCELERATION)
+    estimate = memory.estimate.after(memory.estimate.position, 0.0, RISE_HZ, period, ACCELERATION)
+    depth = memory.depth.after(indentation, 0.0, DEPTH_HZ, period, ACCELERATION)
     return replace(memory, estimate=estimate, weight=weight, depth=depth, fit=None, skin_rate=0.0)

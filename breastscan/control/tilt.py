@@ -28,13 +28,13 @@ class TiltConfig:
     """Of the rotation towards the normal [s]."""
     filter_hz: float = 1.0
     """Corner of the low-pass on both signals [Hz]."""
-    force_dead_band: float = math.radians(1.0)
-    """Tilt about x that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6
-    degrees."""
+    force_dead_band: float = math.radians(4.0)
+    """Tilt about x that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6 degrees,
+    and what a small dense breast presses across a probe that stands square on it like three and
+    more. Planned normals are better than that, so this is for plans that are wrong."""
     moment_dead_band: float = math.radians(5.0)
     """Tilt about y that is left alone [rad]: a force that the sensor, 160 mm away, reads 1 % too
-    far across looks like 2.9 degrees. Planned normals are better than that, so this is for plans
-    that are wrong."""
+    far across looks like 2.9 degrees."""
     bound: float = math.radians(8.0)
     """Largest correction about each axis [rad]."""
     rate_limit: float = math.radians(3.0)

@@ -10,12 +10,14 @@ from breastscan.control import across, contact
 from breastscan.control.across import AcrossMemory, Pressed
 from breastscan.control.contact import ContactConfig, ContactMemory
 from breastscan.control.phases import Phase, ramp
+from breastscan.control.settle_fit import POWER
 from breastscan.robot.ur.ur5e import PERIOD, SERVO
 
 CONFIG = ContactConfig()
 ALONG = -0.7
 """Half-way up a breast."""
-STIFFNESS = 480.0
+INDENTATION = 0.006
+"""Of 5 N [m]."""
 SETTLE, LOOP, LIFT = 1.0, 12.0, 0.35
 
 
@@ -27,12 +29,15 @@ def cos4(t, amplitude=0.005, rate=0.25):
     return 2.0 * amplitude * math.sin(math.pi * rate * t) ** 4
 
 
-def scan(rise, along=ALONG, plan_error=lambda t: 0.0, noise=0.0, stiffness=STIFFNESS):
+def scan(
+    rise, along=ALONG, plan_error=lambda t: 0.0, noise=0.0, indentation=INDENTATION, power=POWER
+):
     """Every period's true rise once the servo has followed, and memory: from first contact to
-    a second after the lift.
+    a second after the lift. 5 N press by `indentation`, other forces by as much times a power of
+    the force.
     """
     rng = np.random.default_rng(0)
-    depth = rise(0.0) * along + plan_error(0.0) + 0.5 ** (1 / 1.5) / stiffness
+    depth = rise(0.0) * along + plan_error(0.0) + indentation * 0.1**power
     memory = replace(ContactMemory.resting(depth, SERVO, PERIOD), variance=noise**2)
     memory = contact.begin(
         replace(memory, slow=replace(memory.slow, force=CONFIG.contact_force)), CONFIG
@@ -45,7 +50,7 @@ def scan(rise, along=ALONG, plan_error=lambda t: 0.0, noise=0.0, stiffness=STIFF
             else Phase.LIFT if t < SETTLE + LOOP + LIFT else Phase.RETREAT
         )  # fmt: skip
         skin = rise(t) * along + plan_error(t)
-        force = (stiffness * max(memory.servo.position - skin, 0.0)) ** 1.5
+        force = 5.0 * (max(memory.servo.position - skin, 0.0) / indentation) ** (1 / power)
         if phase is Phase.RETREAT:
             memory = contact.advance(replace(memory, surface=None), -0.03, 1.0, SERVO.lag, PERIOD)
         else:
@@ -65,13 +70,15 @@ def scan(rise, along=ALONG, plan_error=lambda t: 0.0, noise=0.0, stiffness=STIFF
     return np.array([true for true, _ in told]), [m for _, m in told], np.array(phases)
 
 
-@pytest.mark.parametrize("stiffness", [380.0, 480.0, 750.0])
+@pytest.mark.parametrize("indentation", [0.004, 0.006, 0.0077])
 @pytest.mark.parametrize("breath", [sine, cos4])
 @pytest.mark.parametrize("phase", [0.0, 0.9, 1.7, 2.6, 3.3])
-def test_the_breath_is_followed_whatever_its_form_and_wherever_it_begins(breath, phase, stiffness):
+def test_the_breath_is_followed_whatever_its_form_and_wherever_it_begins(
+    breath, phase, indentation
+):
     """The pictures find the chest at the first of them: the rise counts from there."""
     rise, memories, phases = scan(
-        lambda t: breath(t + phase) - breath(phase - 3.0), stiffness=stiffness
+        lambda t: breath(t + phase) - breath(phase - 3.0), indentation=indentation
     )
     error = np.array([m.rise for m in memories]) - rise
     late = error[phases == Phase.LOOP][round(1.0 / PERIOD) :]
@@ -88,7 +95,7 @@ def test_a_plan_that_is_half_a_millimetre_off_is_hardly_taken_for_breath():
 def test_the_indentation_is_that_of_the_force_on_this_skin():
     _, memories, phases = scan(sine)
     told = np.array([m.indentation for m in memories])[phases == Phase.LOOP]
-    assert told[-1] == pytest.approx(5.0 ** (1 / 1.5) / STIFFNESS, abs=0.5e-3)
+    assert told[-1] == pytest.approx(INDENTATION, abs=0.5e-3)
     assert memories[-1].indentation < 0.2e-3
 
 
@@ -136,13 +143,15 @@ def test_a_force_that_fails_for_a_moment_moves_the_reference_smoothly():
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
-@pytest.mark.parametrize("stiffness", [300.0, 480.0, 1000.0])
-def test_the_fit_tells_place_from_stiffness_while_the_chest_rises(stiffness, noise):
+@pytest.mark.parametrize(("power", "within"), [(POWER, 0.03), (0.54, 0.17), (0.70, 0.17)])
+@pytest.mark.parametrize("indentation", [0.003, 0.006, 0.0097])
+def test_the_fit_tells_place_from_softness_while_the_chest_rises(indentation, power, within, noise):
     """By what the observer is off, for comparison, docs/control.md says."""
-    _, memories, phases = scan(lambda t: cos4(t + 0.6), stiffness=stiffness, noise=noise)
-    told = memories[int(np.flatnonzero(phases == Phase.LOOP)[0]) + 1].stiffness
-    indentation, true = (5.0 ** (1 / 1.5) / k for k in (told, stiffness))
-    assert indentation == pytest.approx(true, abs=0.5e-3)
+    _, memories, phases = scan(
+        lambda t: cos4(t + 0.6), indentation=indentation, noise=noise, power=power
+    )
+    told = memories[int(np.flatnonzero(phases == Phase.LOOP)[0]) + 1].softness
+    assert 5.0**POWER * told == pytest.approx(indentation, rel=within, abs=3e-4)
 
 
 def test_without_a_chest_nothing_breathes_and_the_indentation_is_known():
