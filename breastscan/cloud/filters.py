@@ -5,15 +5,16 @@ Every function tells which points to keep, so that normals, colours or pixels ca
 them.
 """
 
-from typing import no_type_check
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numba import njit
 from scipy.spatial import KDTree
+
+from breastscan.geometry.compiled import kernel
 
 NEIGHBOURS = 15
 """Neighbourhood that the paper settles on [Zhang, Fig. 10]."""
+CUBES = 16
+"""Along the cloud's longest side, each of whose points are looked at together."""
 
 
 def statistical_inliers(
@@ -56,10 +57,14 @@ def uniform_sample(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarr
     """Indices of `count` points, each the farthest from those before it, beginning at the one
     farthest from the mean.
 
-    Even, and fond of edges: the paper's choice. The cost grows as n times `count`.
+    Even, and fond of edges: the paper's choice.
     """
     _check_count(points, count)
-    return _farthest_points(np.ascontiguousarray(points), count)
+    chosen = np.empty(count, np.int64)
+    chosen[0] = np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1))
+    order, starts = _blocks(points)
+    _farthest_points(points[order], order, starts, chosen)
+    return chosen
 
 
 def geometric_sample(
@@ -90,23 +95,69 @@ def _check_count(points: Float[np.ndarray, "n 3"], count: int) -> None:
         )
 
 
-@njit(cache=True)
-@no_type_check
-def _farthest_points(points, count):
-    chosen = np.empty(count, np.int64)
-    mean = points.sum(axis=0) / len(points)
-    squared = ((points - mean) ** 2).sum(axis=1)
-    chosen[0] = np.argmax(squared)
-    squared[:] = np.inf
-    for i in range(1, count):
-        last = points[chosen[i - 1]]
-        farthest = 0
-        for j in range(len(points)):
-            dx = points[j, 0] - last[0]
-            dy = points[j, 1] - last[1]
-            dz = points[j, 2] - last[2]
-            squared[j] = min(squared[j], dx * dx + dy * dy + dz * dz)
-            if squared[j] > squared[farthest]:
-                farthest = j
-        chosen[i] = farthest
-    return chosen
+def _blocks(
+    points: Float[np.ndarray, "n 3"],
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "b1"]]:
+    """An order in which the points of one cube follow one another, and where each cube's begin and
+    the last's end.
+    """
+    edge = np.ptp(points, axis=0).max() / CUBES
+    cube = np.floor((points - points.min(axis=0)) / (edge or 1.0)) @ (CUBES + 1.0) ** np.arange(3)
+    order = np.argsort(cube, kind="stable")
+    starts = np.flatnonzero(np.diff(cube[order], prepend=-1.0))
+    return order, np.append(starts, len(points))
+
+
+@kernel
+def _apart(low, high, p):
+    """Square of the distance of a point from a box."""
+    total = 0.0
+    for axis in range(3):
+        gap = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
+        total += gap * gap
+    return total
+
+
+@kernel
+def _chosen_too(points, first, end, p, squared):
+    """Take the point p among the chosen for the points from `first` to `end`, and give the number
+    of the one that is then farthest from all chosen.
+    """
+    farthest = first
+    for k in range(first, end):
+        dx = points[k, 0] - p[0]
+        dy = points[k, 1] - p[1]
+        dz = points[k, 2] - p[2]
+        squared[k] = min(squared[k], dx * dx + dy * dy + dz * dz)
+        if squared[k] > squared[farthest]:
+            farthest = k
+    return farthest
+
+
+@kernel
+def _farthest_points(points, order, starts, chosen):
+    """Fill `chosen` after its first, of points in that `order`.
+
+    A cube is looked into only if its box lies nearer to the last choice than its farthest point to
+    all choices before.
+    """
+    cubes = starts.size - 1
+    low, high = np.empty((cubes, 3)), np.empty((cubes, 3))
+    for c in range(cubes):
+        for axis in range(3):
+            low[c, axis] = points[starts[c] : starts[c + 1], axis].min()
+            high[c, axis] = points[starts[c] : starts[c + 1], axis].max()
+    squared, greatest = np.full(order.size, np.inf), np.full(cubes, np.inf)
+    farthest = starts[:-1].copy()
+    last = points[np.argmax(order == chosen[0])]
+    for i in range(1, chosen.size):
+        best = 0
+        for c in range(cubes):
+            if _apart(low[c], high[c], last) < greatest[c]:
+                farthest[c] = _chosen_too(points, starts[c], starts[c + 1], last, squared)
+                greatest[c] = squared[farthest[c]]
+            comes_first = order[farthest[c]] < order[farthest[best]]
+            if greatest[c] > greatest[best] or (greatest[c] == greatest[best] and comes_first):
+                best = c
+        chosen[i] = order[farthest[best]]
+        last = points[farthest[best]]

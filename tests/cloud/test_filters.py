@@ -63,8 +63,16 @@ def test_grid_sampling_keeps_the_point_nearest_to_the_cells_mean():
     assert grid_sample(points, 1.0).tolist() == [1, 3]
 
 
-def test_uniform_sampling_is_farthest_point_sampling():
-    points = np.random.default_rng(5).normal(0, 1, (80, 3))
+LATTICE = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), axis=-1).reshape(-1, 3)
+"""Many of whose points are as far as one another: the first of them is chosen."""
+
+
+@pytest.mark.parametrize(
+    "points",
+    [np.random.default_rng(5).normal(0, 1, (80, 3)), LATTICE, np.ones((30, 3))],
+    ids=["random", "lattice", "one place"],
+)
+def test_uniform_sampling_is_farthest_point_sampling(points):
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     for _ in range(19):
         gap = np.linalg.norm(points[:, None] - points[chosen], axis=-1).min(axis=1)
