@@ -36,7 +36,7 @@ without this its tip was .2 to .9 mm low. Those of true ones are up to 6 mm."""
 GROWTH = 2
 """Squares of the chart by which a pass may go beyond what was seen before: where the flank turns
 out of sight, the skin below it is a mere guess, and what its pixels see is the chest."""
-HEADROOM = 0.02
+HEADROOM = 0.005
 """How far before the point that was matched a ray begins to look for the skin [of its depth]."""
 LARGEST_CHANGE_PX = 4.0
 """Where the matcher is farther from the skin, it saw something else [px]: 17 mm at 540 mm."""

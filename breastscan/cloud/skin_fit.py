@@ -16,7 +16,7 @@ from breastscan.cloud.smoothness import Smoothness
 from breastscan.errors import PerceptionError
 from breastscan.geometry import banded, bicubic, robust, se3
 from breastscan.geometry.plane import Plane
-from breastscan.geometry.skin import REACH, Skin
+from breastscan.geometry.skin import REACH, Skin, direction_slopes, directions
 
 CELLS = 40
 """Of the spline's grid along a side of the chart: 5 mm on the flank, so that a nipple of 4 mm
@@ -188,8 +188,9 @@ class _Problem:
     ab: Float[np.ndarray, "n 2"]
     radius: Float[np.ndarray, "n"]
     """Of the points [m]."""
-    u: Float[np.ndarray, "n 3"]
-    """Their directions."""
+    lean_terms: Float[np.ndarray, "n 3"]
+    """Of the change of the radius with a shift along the line [-]: the constant, and what the
+    radius' relative slopes along a and b add [rad]."""
     first: Int[np.ndarray, "n"]
     weights: Float[np.ndarray, "n 16"]
     """Of the spline's coefficients, as `bicubic.first_numbers` has them."""
@@ -198,13 +199,11 @@ class _Problem:
     def of(sightings: Sightings, skin: Skin, ab: Float[np.ndarray, "n 2"]) -> "_Problem":
         m = len(skin.radii)
         first, weights = bicubic.first_numbers((ab + REACH) * (m - 3) / (2 * REACH), m, m)
-        from_centre = sightings.points - skin.centre
-        radius = np.linalg.norm(from_centre, axis=1)
         return _Problem(
             sightings=sightings,
             ab=ab,
-            radius=radius,
-            u=from_centre / radius[:, None],
+            radius=np.linalg.norm(sightings.points - skin.centre, axis=1),
+            lean_terms=_lean_terms(ab, se3.rotate(se3.inverse(skin.X_AN), sightings.lines)),
             first=first,
             weights=weights,
         )
@@ -214,11 +213,11 @@ class _Problem:
     ) -> tuple[Float[np.ndarray, "n band"], Float[np.ndarray, "n"]]:
         """The factorized normal equations of the next fit, and their right side."""
         m = len(skin.radii)
-        blank = not skin.covariance.any()
-        shift = np.zeros(len(self.ab)) if blank else self._radii(skin) - self.radius
-        n = skin.normals(self.ab)
-        # of the radius in the point's direction, by a shift along the line
-        lean = np.sum(self.sightings.lines * n, axis=1) / np.sum(self.u * n, axis=1)
+        r, r_a, r_b = skin.radius(self.ab)[:, :3].T
+        # nothing is known of a blank skin's distance from the points
+        shift = r - self.radius if skin.covariance.any() else np.zeros(len(r))
+        constant, by_a, by_b = self.lean_terms.T
+        lean = constant + (by_a * r_a + by_b * r_b) / r
         lean = np.copysign(np.maximum(np.abs(lean), FLATTEST), lean)
         precision, off = _weighted(self.sightings.residual, self.sightings.slope / lean, shift)
         matrix, right_side = np.zeros_like(skin.covariance), np.zeros(m * m)
@@ -229,10 +228,18 @@ class _Problem:
         matrix[:, 0] += RIDGE
         return banded.factorized(matrix), right_side
 
-    def _radii(self, skin: Skin) -> Float[np.ndarray, "n"]:
-        k = np.arange(16)
-        numbers = self.first[:, None] + k // 4 * len(skin.radii) + k % 4
-        return np.einsum("nk,nk->n", self.weights, skin.radii.ravel()[numbers])
+
+def _lean_terms(
+    ab: Float[np.ndarray, "n 2"], lines_N: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """What (v . n) / (u . n) consists of at directions u, for lines v and the normals n of whatever
+    radius r: n has the direction of r^2 u_a x u_b + r r_b u_a x u + r r_a u x u_b.
+    """
+    u = directions(ab)
+    u_a, u_b = direction_slopes(ab)
+    crosses = np.cross(u_a, u_b), np.cross(u, u_b), np.cross(u_a, u)
+    along = np.stack([np.sum(lines_N * n, axis=1) for n in crosses], axis=1)
+    return along / np.sum(u * crosses[0], axis=1, keepdims=True)
 
 
 def _weighted(

@@ -24,8 +24,10 @@ CAUTION = 0.4
 degrees against the directions from the middle of the foot, or a ray may pass a summit."""
 MIN_STEP = 2e-4
 """Smallest such step [m]."""
-HALVINGS = 14
-"""Of the last step: to some nanometres."""
+HIT_TOLERANCE = 1e-9
+"""Height at which a ray has met the skin [m]."""
+MOST_CHORDS = 20
+"""Of a ray's last step, of which it takes three or four."""
 NEAR_AXIS = 1e-3
 """Square of the angle from the axis below which series stand for quotients of 0 and 0."""
 
@@ -52,15 +54,23 @@ class Skin:
             stretch = np.where(across > 0, angle / across, 0.0)
         return local[..., :2] * stretch[..., None]
 
+    def radius(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 6"]:
+        """Radius [m], its first derivatives by a and b [m/rad], and its second: aa, ab, bb
+        [m/rad^2].
+        """
+        return bicubic.values(self.radii, self._grid(ab)) * self._per_radian ** np.array(
+            [0, 1, 1, 2, 2, 2]
+        )
+
     def points(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
         """Points of the skin [m]."""
-        return se3.transform(self.X_AN, self._radius(ab)[:, :1] * directions(ab))
+        return se3.transform(self.X_AN, self.radius(ab)[:, :1] * directions(ab))
 
     def tangents(
         self, ab: Float[np.ndarray, "n 2"]
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Derivatives of `points` with respect to a and b [m/rad]."""
-        r = self._radius(ab)
+        r = self.radius(ab)
         u = directions(ab)
         u_a, u_b = direction_slopes(ab)
         along, across = r[:, 1:2] * u + r[:, :1] * u_a, r[:, 2:3] * u + r[:, :1] * u_b
@@ -73,7 +83,7 @@ class Skin:
 
     def curvatures(self, ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """Principal curvatures, the larger first, positive where the skin bulges [1/m]."""
-        r, u = self._radius(ab), directions(ab)
+        r, u = self.radius(ab), directions(ab)
         u_a, u_b = direction_slopes(ab)
         u_aa, u_ab, u_bb = _direction_bends(ab)
         value, along = r[:, :1], r[:, 1:2]
@@ -120,7 +130,7 @@ class Skin:
         Args:
             origin: Where the rays begin [m].
             rays: Their directions.
-            start: How far the skin surely has not come yet; saves time [lengths of the ray].
+            start: How far the skin has hardly come yet; saves time [lengths of the ray].
         """
         X_NA = se3.inverse(self.X_AN)
         result = np.empty(len(rays))
@@ -156,12 +166,6 @@ class Skin:
 
     def _grid(self, ab: np.ndarray) -> np.ndarray:
         return (ab + REACH) * self._per_radian
-
-    def _radius(self, ab: np.ndarray) -> np.ndarray:
-        """Radius, its first derivatives by a and b, and its second: aa, ab, bb."""
-        return bicubic.values(self.radii, self._grid(ab)) * self._per_radian ** np.array(
-            [0, 1, 1, 2, 2, 2]
-        )
 
 
 def directions(ab: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
@@ -232,47 +236,79 @@ def _height(radii, per_radian, x, y, z):
 
 
 @kernel
-def _first_hits(radii, per_radian, farthest, origin, rays, start, result):
-    """March from the ball that holds the skin, in steps of a share of the height over it, and
-    halve the last step.
+def _height_along(radii, per_radian, origin, ray, s):
+    """`_height` of the point at `s` along a ray."""
+    return _height(
+        radii,
+        per_radian,
+        origin[0] + s * ray[0],
+        origin[1] + s * ray[1],
+        origin[2] + s * ray[2],
+    )
+
+
+@kernel
+def _between(radii, per_radian, origin, ray, above, height_above, below, height_below):
+    """Where between a place above the skin and one below it a ray meets the skin: false position,
+    the end that stays counting half (the Illinois rule).
     """
+    stayed = 0
+    s = below
+    for _ in range(MOST_CHORDS):
+        s = above + (below - above) * height_above / (height_above - height_below)
+        height = _height_along(radii, per_radian, origin, ray, s)
+        if abs(height) < HIT_TOLERANCE:
+            break
+        if height < 0.0:
+            below = s
+            height_below = height
+            if stayed == 1:
+                height_above *= 0.5
+            stayed = 1
+        else:
+            above = s
+            height_above = height
+            if stayed == -1:
+                height_below *= 0.5
+            stayed = -1
+    return s
+
+
+@kernel
+def _march(radii, per_radian, farthest, origin, ray, first, last):
+    """How far along a ray the skin comes first, from `first` to `last` [m]; NaN if it does not.
+
+    Steps are a share of the height over the skin.
+    """
+    before = first
+    height_before = _height_along(radii, per_radian, origin, ray, before)
+    while before < last and origin[2] + before * ray[2] >= -0.5 * farthest:
+        s = before + max(CAUTION * height_before, MIN_STEP)
+        height = _height_along(radii, per_radian, origin, ray, s)
+        if height < 0.0:
+            return _between(radii, per_radian, origin, ray, before, height_before, s, height)
+        before = s
+        height_before = height
+    return np.nan
+
+
+@kernel
+def _first_hits(radii, per_radian, farthest, origin, rays, start, result):
+    """March each ray from where its start is told, and from the ball that holds the skin if that
+    lies below the skin.
+    """
+    ray = np.empty(3)
     for n in range(rays.shape[0]):
-        result[n] = np.nan
-        dx, dy, dz = rays[n]
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
-        dx /= length
-        dy /= length
-        dz /= length
-        middle = -(origin[0] * dx + origin[1] * dy + origin[2] * dz)
+        length = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)
+        ray[:] = rays[n] / length
+        middle = -(origin[0] * ray[0] + origin[1] * ray[1] + origin[2] * ray[2])
         squared = origin[0] ** 2 + origin[1] ** 2 + origin[2] ** 2
         half = farthest * farthest - squared + middle * middle
+        result[n] = np.nan
         if half <= 0.0:
             continue
         half = np.sqrt(half)
-        before = max(middle - half, start[n] * length)
-        s = before
-        while s < middle + half:
-            z = origin[2] + s * dz
-            height = _height(radii, per_radian, origin[0] + s * dx, origin[1] + s * dy, z)
-            if height < 0.0:
-                for _ in range(HALVINGS):
-                    between = 0.5 * (before + s)
-                    if (
-                        _height(
-                            radii,
-                            per_radian,
-                            origin[0] + between * dx,
-                            origin[1] + between * dy,
-                            origin[2] + between * dz,
-                        )
-                        < 0.0
-                    ):
-                        s = between
-                    else:
-                        before = between
-                result[n] = s / length
-                break
-            if z < -0.5 * farthest:
-                break
-            before = s
-            s += max(CAUTION * height, MIN_STEP)
+        first = max(middle - half, start[n] * length)
+        if _height_along(radii, per_radian, origin, ray, first) < 0.0:
+            first = middle - half
+        result[n] = _march(radii, per_radian, farthest, origin, ray, first, middle + half) / length

@@ -35,6 +35,24 @@ def test_points_and_normals_of_an_ellipsoid_are_its_own(skin):
     assert np.degrees(se3.angle_between(skin.normals(PLACES), true_normals(p))).max() < 0.02
 
 
+@pytest.mark.parametrize("start", [0.0, 0.99, 1.01])
+def test_rays_first_meet_the_skin_where_it_is_wherever_they_begin(skin, start):
+    """From 400 mm over the foot, along lines of sight to the side that they face; begun at the eye,
+    closely before the skin and under it.
+    """
+    eye = skin.centre + np.array([0.02, 0.03, 0.4])
+    p = skin.points(PLACES)
+    seen = np.sum((eye - p) * true_normals(p), axis=1) > 0.02
+    hits = skin.first_hits(eye, p[seen] - eye, np.full(np.count_nonzero(seen), start))
+    np.testing.assert_allclose(hits, 1.0, atol=1e-7)
+
+
+def test_rays_beside_the_skin_meet_none(skin):
+    eye = skin.centre + np.array([0.0, 0.0, 0.4])
+    rays = np.array([[0.2, 0.0, -0.4], [0.0, 0.0, 1.0]])
+    assert np.isnan(skin.first_hits(eye, rays)).all()
+
+
 def test_tangents_are_the_derivatives_of_the_points(skin):
     step = 1e-6
     for tangent, change in zip(skin.tangents(PLACES), np.eye(2) * step, strict=True):
