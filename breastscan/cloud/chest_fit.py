@@ -9,6 +9,9 @@ from breastscan.geometry.chest import Chest
 TURNS = 3
 """How often the fit is repeated, in the frame of the chest that it found."""
 REWEIGHTINGS = 12
+"""At most."""
+SETTLED = 1e-8
+"""Change of the fitted heights that ends them [m]."""
 TUKEY = 4.685
 """Residual over its scale beyond which a point does not count [Tukey]."""
 LEAST_SCALE = 2e-5
@@ -60,10 +63,12 @@ def _fit(
     bends: bool,
 ) -> Chest:
     chest = _plane_at(middle, normal)
+    weights = np.ones(len(p))
     for _ in range(TURNS):
         axes = se3.axes_along(chest.normal)
         local = (p - chest.middle) @ axes.T
-        chest = _chest(chest.middle, axes, _robust(local, tolerance, bends=bends))
+        terms, weights = _robust(local, weights, tolerance, bends=bends)
+        chest = _chest(chest.middle, axes, terms)
     return chest
 
 
@@ -73,24 +78,33 @@ def _plane_at(middle: Float[np.ndarray, "3"], normal: Float[np.ndarray, "3"]) ->
 
 
 def _robust(
-    local: Float[np.ndarray, "n 3"], tolerance: float, *, bends: bool
-) -> Float[np.ndarray, "6"]:
-    """Coefficients of 1, u, v, u^2, u v, v^2 by iteratively reweighted least squares."""
+    local: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, "n"],
+    tolerance: float,
+    *,
+    bends: bool,
+) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "n"]]:
+    """Coefficients of 1, u, v, u^2, u v, v^2 by iteratively reweighted least squares from these
+    weights on, and the weights in the end.
+    """
     u, v, z = local.T
     reach = float(np.sqrt(np.mean(u**2 + v**2)))
     u, v = u / reach, v / reach
     columns = [np.ones_like(u), u, v, *([u * u, u * v, v * v] if bends else [])]
     A = np.stack(columns, axis=1)
-    weights, found = np.ones_like(z), np.zeros(A.shape[1])
+    found = np.zeros(A.shape[1])
     for _ in range(REWEIGHTINGS):
+        before = found
         weighted = A * weights[:, None]
         found = np.linalg.lstsq(weighted.T @ A, weighted.T @ z, rcond=None)[0]
         residual = z - A @ found
         allowed = TUKEY * _scale(residual, tolerance)
         weights = np.clip(1 - (residual / allowed) ** 2, 0.0, None) ** 2
+        if np.abs(found - before).max() < SETTLED:
+            break
     terms = np.zeros(6)
     terms[: len(found)] = found
-    return terms / reach ** np.array([0, 1, 1, 2, 2, 2])
+    return terms / reach ** np.array([0, 1, 1, 2, 2, 2]), weights
 
 
 def _chest(
