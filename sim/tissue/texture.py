@@ -113,10 +113,18 @@ def band_noise(
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
     white = np.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
-    filtered = np.fft.ifft(np.fft.fft(white, axis=0) * gain, axis=0)
-    noise = np.fft.irfft(filtered, n=size, axis=1)
-    noise /= noise.std()
-    return noise
+    spectrum = np.fft.fft(white, axis=0) * gain
+    spectrum /= _deviation(spectrum, size)
+    return np.fft.irfft(np.fft.ifft(spectrum, axis=0), n=size, axis=1)
+
+
+def _deviation(spectrum: np.ndarray, size: int) -> float:
+    """Standard deviation of the real image that has the first columns of its spectrum, zero mean
+    and nothing in the others (Parseval).
+    """
+    power = np.sum(np.real(spectrum) ** 2 + np.imag(spectrum) ** 2, axis=0)
+    once = power[:: size // 2]  # the columns of frequency 0 and 1/2 have no mirror image
+    return float(np.sqrt(2 * power.sum() - once.sum())) / size**2
 
 
 def _spots(noise: np.ndarray, threshold: float) -> np.ndarray:
