@@ -70,15 +70,33 @@ def seen_by_both(
     pair: RectifiedPair, rig: StereoRig, X_SL: Float[np.ndarray, "4 4"], truth: Truth
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels of the rectified left view that see skin which the right camera sees too."""
-    height, width = pair.left.shape
     (cx, cy), f = pair.centre_px, pair.focal_px
-    u, v = np.meshgrid((np.arange(width) - cx) / f, (np.arange(height) - cy) / f)
-    rays_V = np.stack([u, v, np.ones_like(u)], axis=-1).reshape(-1, 3)
-    hits_S = truth.cast(X_SL[:3, 3], rays_V @ (X_SL[:3, :3] @ pair.R_LV).T)
-    seen = np.isfinite(hits_S[:, 0])
+    X_SV = X_SL @ se3.pose(pair.R_LV, np.zeros(3))
+    box = _box_of(truth.ball, X_SV, pair)
+    rows, columns = np.mgrid[box]
+    rays_V = np.stack([(columns - cx) / f, (rows - cy) / f, np.ones(rows.shape)], axis=-1)
+    hits_S = truth.cast(X_SL[:3, 3], rays_V.reshape(-1, 3) @ X_SV[:3, :3].T)
+    part = np.isfinite(hits_S[:, 0])
     right_S = (X_SL @ se3.inverse(rig.X_RL))[:3, 3]
-    seen[seen] = truth.visible(hits_S[seen], right_S)
-    return seen.reshape(height, width)
+    part[part] = truth.visible(hits_S[part], right_S)
+    seen = np.zeros(pair.left.shape, bool)
+    seen[box] = part.reshape(rows.shape)
+    return seen
+
+
+def _box_of(
+    ball: tuple[Float[np.ndarray, "3"], float], X_SV: Float[np.ndarray, "4 4"], pair: RectifiedPair
+) -> tuple[slice, slice]:
+    """Rows and columns of the rectified view outside of which no pixel sees a ball before it: those
+    of the corners of a cube around it.
+    """
+    centre_S, radius = ball
+    signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+    corners_V = se3.transform(se3.inverse(X_SV), centre_S) + radius * signs
+    places = corners_V[:, 1::-1] / corners_V[:, 2:] * pair.focal_px + pair.centre_px[::-1]
+    first, end = np.floor(places.min(axis=0)), np.ceil(places.max(axis=0)) + 1
+    sides = np.clip([first, end], 0, pair.left.shape).astype(int)
+    return slice(sides[0, 0], sides[1, 0]), slice(sides[0, 1], sides[1, 1])
 
 
 def path_metrics(path: Path, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, float]:

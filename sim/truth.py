@@ -4,6 +4,8 @@
 `TruthLog.X_SP`.
 """
 
+from functools import cached_property
+
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float
@@ -68,6 +70,13 @@ class Truth:
             if step < CLOSEST_TOLERANCE:
                 break
         return self._phantom.embed(direction), self._phantom.normal(direction)
+
+    @cached_property
+    def ball(self) -> tuple[Float[np.ndarray, "3"], float]:
+        """Centre and radius of a ball that holds the undeformed skin [m]."""
+        centre_S = np.array([0.0, 0.0, self._phantom.height / 2])
+        apart = np.linalg.norm(self._phantom.skin.vertices_S - centre_S, axis=1)
+        return centre_S, float(apart.max())
 
     def pressed_place(
         self, X_SP: Float[np.ndarray, "n 4 4"]
@@ -245,8 +254,7 @@ class Truth:
         """Where each ray enters and leaves a ball around the breast, above the chest [m];
         nowhere if far < near.
         """
-        centre_S = np.array([0.0, 0.0, self._phantom.height / 2])
-        radius = np.linalg.norm(self._phantom.skin.vertices_S - centre_S, axis=1).max()
+        centre_S, radius = self.ball
         to_centre = unit_S @ (centre_S - origin_S)
         discriminant = radius**2 - np.sum((centre_S - origin_S) ** 2) + to_centre**2
         half = np.sqrt(np.maximum(discriminant, 0.0))

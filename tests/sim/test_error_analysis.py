@@ -7,10 +7,14 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from breastscan.geometry import se3
+from breastscan.vision.camera import RectifiedPair, StereoRig
 from sim import error_analysis
 from sim.error_analysis import REPLAY_STEP, STEADY_AFTER, ContactPlaces
 from sim.room.rigid_contacts import RigidContact
+from sim.tissue.phantom import Phantom, PhantomConfig
 from sim.truth import Truth
 from sim.truth_log import TruthRecorder
 from tests.run.synthetic_run import synthetic_log
@@ -96,3 +100,25 @@ def test_the_whole_chains_error_is_the_distance_to_the_loop_between_its_points()
     above = told(on_sides + np.array([0.0, 0.0, 0.002]))
     assert above["executed_truth_rms_mm"] == pytest.approx(2.0)
     assert above["executed_truth_mean_abs_mm"] == pytest.approx([0.0, 0.0, 2.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("centre_px", [(40.3, 29.8), (5.0, 62.0)], ids=["whole", "cut off"])
+def test_pixels_that_both_cameras_see_are_found_among_all(centre_px):
+    """As rays through every pixel find them, not only those near the breast."""
+    phantom = Phantom(PhantomConfig())
+    truth, size = Truth(phantom, Mock()), (60, 80)
+    image = np.zeros(size, np.uint8)
+    R_LV = Rotation.from_rotvec([0.01, -0.02, 0.03]).as_matrix()
+    pair = RectifiedPair(
+        left=image, right=image, focal_px=220.0, centre_px=centre_px, baseline=0.06, R_LV=R_LV
+    )  # fmt: skip
+    X_SL = se3.pose(np.diag([1.0, -1.0, -1.0]), np.array([0.02, 0.01, 0.45]))
+    X_RL = se3.pose(np.eye(3), np.array([-0.2, 0.0, 0.0]))
+    v, u = np.indices(size).reshape(2, -1)
+    rays_V = np.column_stack([u - centre_px[0], v - centre_px[1], np.full(v.size, 220.0)])
+    hits_S = truth.cast(X_SL[:3, 3], rays_V @ (X_SL[:3, :3] @ R_LV).T)
+    expected = np.isfinite(hits_S[:, 0])
+    expected[expected] = truth.visible(hits_S[expected], (X_SL @ se3.inverse(X_RL))[:3, 3])
+    seen = error_analysis.seen_by_both(pair, Mock(spec=StereoRig, X_RL=X_RL), X_SL, truth)
+    assert expected.any()
+    np.testing.assert_array_equal(seen.ravel(), expected)
