@@ -11,7 +11,8 @@ p is where the tip is, less its indentation, for which `control.settle_fit` find
 is while the force rises.
 
 What lies within the errors of a plan is not taken for breath: with R half the range of the rise so
-far, the plan's own place among it, the share R^4 / (R^4 + e^4) of it is.
+far, the plan's own place among it, the share R^4 / (R^4 + e^4) of it is. The range begins anew once
+the fit has told how soft the skin is: what the observer was off by before is no breath.
 """
 
 from dataclasses import dataclass, field, replace
@@ -67,13 +68,14 @@ class AcrossMemory:
     """What the reference across the axis carries from one period to the next."""
 
     estimate: Follower = field(default_factory=Follower)
-    """Rise of the chest along its normal since the pictures, once the servo has followed [m]."""
+    """The believed share of the chest's rise along its normal since the pictures, once the servo
+    has followed [m]."""
     low: float = 0.0
-    """Lowest rise so far [m]."""
+    """Lowest rise since the skin's softness is known [m]."""
     high: float = 0.0
     """Highest [m]."""
     weight: Follower = field(default_factory=Follower)
-    """Share of the rise that is followed, 0 off the skin and 1 on it [-]."""
+    """Share of that which is followed, 0 off the skin and 1 on it [-]."""
     depth: Follower = field(default_factory=Follower)
     """Indentation [m]."""
     fit: SettleFit | None = None
@@ -90,10 +92,7 @@ class AcrossMemory:
 
     def rise_before(self, lag: float) -> float:
         """The same as the servo has it by now, so much later [s]."""
-        half_range = 0.5 * (self.high - self.low)
-        trusted = half_range**4 / (half_range**4 + PLAN_ERROR**4)
-        risen = self.estimate.position - lag * self.estimate.rate
-        return self.weight.position * trusted * risen
+        return self.weight.position * (self.estimate.position - lag * self.estimate.rate)
 
     @property
     def indentation(self) -> float:
@@ -115,6 +114,7 @@ def update(now: Pressed, memory: AcrossMemory) -> AcrossMemory:
 def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> AcrossMemory:
     """In contact."""
     root = now.force**POWER
+    found = memory.fit is not None and now.phase is not Phase.SETTLE
     memory = _with_softness(now, root, surface.indentation(now.force) / root, memory)
     indentation = root * memory.softness
     depth = memory.depth.after(indentation, 0.0, DEPTH_HZ, now.period, ACCELERATION)
@@ -123,22 +123,31 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
     along = min(now.along, -MIN_ALONG)
     speed = surface.speed / along
     rise = (now.position - indentation) / along + now.lag * speed
-    if memory.weight.position < ABSENT:
-        estimate = Follower(rise)
-        low = high = 0.0
+    absent = memory.weight.position < ABSENT
+    low, high = (0.0, 0.0) if absent or found else (memory.low, memory.high)
+    low, high = min(low, rise), max(high, rise)
+    believed = _believed(0.5 * (high - low))
+    if absent:
+        estimate = Follower(believed * rise)
     else:
-        estimate = memory.estimate.after(rise, speed, RISE_HZ, now.period, ACCELERATION)
-        low, high = memory.low, memory.high
+        estimate = memory.estimate.after(
+            believed * rise, believed * speed, RISE_HZ, now.period, ACCELERATION
+        )
     return AcrossMemory(
         estimate,
-        min(low, estimate.position),
-        max(high, estimate.position),
+        low,
+        high,
         memory.weight.after(1.0, 0.0, BLEND_HZ, now.period),
         depth,
         memory.fit,
         memory.softness,
         speed,
     )
+
+
+def _believed(half_range: float) -> float:
+    """Share of a rise that is taken for breath, by half its range [m]."""
+    return half_range**4 / (half_range**4 + PLAN_ERROR**4)
 
 
 def _with_softness(

@@ -92,6 +92,14 @@ def test_a_plan_that_is_half_a_millimetre_off_is_hardly_taken_for_breath():
     assert max(abs(m.rise) for m in memories) < 0.4e-3
 
 
+@pytest.mark.parametrize("indentation", [0.002, 0.006, 0.0097])
+def test_what_was_mistaken_before_the_softness_was_known_is_not_followed(indentation):
+    """The observer begins with 6.5 mm at 5 N."""
+    _, memories, phases = scan(lambda t: 0.0, indentation=indentation)
+    loop = np.array([m.rise for m in memories])[phases == Phase.LOOP]
+    assert np.abs(loop[round(0.6 / PERIOD) :]).max() < 0.03e-3
+
+
 def test_the_indentation_is_that_of_the_force_on_this_skin():
     _, memories, phases = scan(sine)
     told = np.array([m.indentation for m in memories])[phases == Phase.LOOP]
