@@ -35,8 +35,19 @@ def fit_chest(
         normal: About its normal there, outwards.
         tolerance: Farthest from the chest that a point of it may lie [m].
     """
-    flat, bent = (_fit(p, middle, normal, tolerance, bends=bends) for bends in (False, True))
+    flat = fit_plane(p, middle, normal, tolerance)
+    bent = _fit(p, middle, normal, tolerance, bends=True)
     return flat if lie_as_well(p, flat, bent, tolerance) else bent
+
+
+def fit_plane(
+    p: Float[np.ndarray, "n 3"],
+    middle: Float[np.ndarray, "3"],
+    normal: Float[np.ndarray, "3"],
+    tolerance: float,
+) -> Chest:
+    """The flat chest through the points that most agree on; arguments as of `fit_chest`."""
+    return _fit(p, middle, normal, tolerance, bends=False)
 
 
 def lie_as_well(

@@ -6,7 +6,7 @@ without a step, which a chest above a table does not, from a chest that goes on 
 cut through the breast itself does not. The chest around its foot is what its heights count from.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -66,8 +66,6 @@ BUMPS = 5
 """Objects on one plane that are looked at, the largest in the image first."""
 SMALLEST_PX = 2000
 """An object seen by fewer pixels, some 50 across, cannot be measured, whatever it is."""
-
-
 SEEN_RIM = 0.2
 """Share of a breast's rim that must be seen down to the plane: of 200 drawn breasts at least a
 quarter is, of a plate above a table nothing."""
@@ -127,6 +125,18 @@ class Breast:
         return _ring(self.mask, RING_WIDTH)
 
 
+@dataclass(frozen=True, kw_only=True)
+class NoBreast:
+    """Something that stands on a chest and is no breast."""
+
+    what: str
+    """In words: what it is, and why it is none."""
+    chest: Chest
+    """What it stands on."""
+    place: Float[np.ndarray, "3"]
+    """The middle of its foot [m]."""
+
+
 def segment_breast(
     points: Float[np.ndarray, "h w 3"], config: SegmentConfig | None = None
 ) -> Breast:
@@ -136,19 +146,11 @@ def segment_breast(
         NoBreastError: No chest in view carries a bump of plausible size, or several do.
     """
     config = config or SegmentConfig()
-    rejected = []
-    for chest in _chests(points, config):
-        heights = chest.heights(points)
-        found: list[Breast] = []
-        for box, core in _bumps(heights, config):
-            breast, fault = _judged(points, box, core, chest, config)
-            if fault:
-                rejected.append(f"an object {fault} (plane at {-1e3 * chest.offset:.0f} mm)")
-            elif not any((breast.mask & other.mask).any() for other in found):
-                found.append(breast)
-        if found:
-            _require_one(found)
-            return found[0]
+    found, others = breasts_in(points, config)
+    if found:
+        _require_one(found)
+        return found[0]
+    rejected = [f"{other.what} (plane at {-1e3 * other.chest.offset:.0f} mm)" for other in others]
     low, high = (1e3 * width for width in config.width_range)
     raise NoBreastError(
         f"expected a breast {low:.0f} to {high:.0f} mm wide on a chest, found "
@@ -156,6 +158,32 @@ def segment_breast(
         "until breast and chest are in view of both, and look at the disparity for missing depth",
         rejected,
     )
+
+
+def breasts_in(
+    points: Float[np.ndarray, "h w 3"], config: SegmentConfig
+) -> tuple[list[Breast], list[NoBreast]]:
+    """The breasts on the most extended chest that carries any, none that overlap, and all that
+    stands on others and is none, the most extended planes' first.
+
+    Args:
+        points: An organised cloud in L [m], NaN where unknown; the camera is on the upper side of
+            every chest.
+        config: What counts as a breast.
+    """
+    others: list[NoBreast] = []
+    for chest in _chests(points, config):
+        found: list[Breast] = []
+        for box, core in _bumps(chest.heights(points), config):
+            breast, fault = _judged(points, box, core, chest, config)
+            if fault:
+                place = _middle(points[box], core, chest)
+                others.append(NoBreast(what=f"an object {fault}", chest=chest, place=place))
+            elif not any((breast.mask & other.mask).any() for other in found):
+                found.append(breast)
+        if found:
+            return found, others
+    return [], others
 
 
 def _require_one(found: list[Breast]) -> None:
@@ -176,35 +204,78 @@ def on_refined(breast: Breast, points: Float[np.ndarray, "h w 3"]) -> Breast:
     """The breast on the chest through the refined points of its ring, in L [m]: those that the
     matcher alone finds have errors in common, up to .5 mm where the disparity hardly changes.
     """
-    chest, ring = breast.plate, np.zeros((0, 3))
-    for _ in range(REFITS):
-        ring = _around(points, breast.mask, chest, RING_WIDTH, REFINED_TOLERANCE)
-        if len(ring) >= SMALLEST_RING_PX:
-            chest = fit_chest(ring, chest.middle, chest.normal, REFINED_TOLERANCE)
-    _require_seen(ring, chest)
+    chest, seen = chest_around(breast, points)
+    if seen.pixels < SMALLEST_RING_PX:
+        raise NoBreastError(
+            f"only {seen.pixels} px around the breast lie on one smooth chest, and its heights "
+            "count from there: move the cameras or whatever covers it",
+            seen.pixels,
+        )
+    if seen.gap > largest_gap(chest):
+        raise NoBreastError(
+            f"the chest is not seen over {np.degrees(seen.gap):.0f} degrees around the breast, "
+            f"towards the {_side(seen.azimuth)} of the left picture, and its heights count from "
+            "there: let the cameras look more squarely at the chest, or move what covers it",
+            seen.gap,
+        )
     return replace(breast, plate=chest)
 
 
-def _require_seen(ring: Float[np.ndarray, "n 3"], chest: Chest) -> None:
-    """Refuse a chest of which a side is not seen, where it takes all sides to tell how it bends."""
-    on_chest = ring[np.abs(chest.heights(ring)) < REFINED_TOLERANCE] - chest.middle
-    azimuth = np.sort(np.arctan2(on_chest[:, 1], on_chest[:, 0]))
-    if len(azimuth) < SMALLEST_RING_PX:
-        raise NoBreastError(
-            f"only {len(azimuth)} px around the breast lie on one smooth chest, and its heights "
-            "count from there: move the cameras or whatever covers it",
-            len(azimuth),
-        )
-    gaps = np.diff(np.append(azimuth, azimuth[0] + 2 * np.pi))
+@dataclass(frozen=True, kw_only=True)
+class SeenAround:
+    """How much of the chest around a breast is seen."""
+
+    pixels: int
+    """That lie on it."""
+    share: float
+    """Of the pixels around the breast that see anything, those that lie within twice the tolerance
+    of it [-]."""
+    gap: float
+    """Widest angle around the breast over which none does [rad]."""
+    azimuth: float
+    """Of the middle of that, from L's x to its y [rad]."""
+
+
+def chest_around(
+    breast: Breast,
+    points: Float[np.ndarray, "h w 3"],
+    tolerances: Sequence[float] = REFITS * (REFINED_TOLERANCE,),
+) -> tuple[Chest, SeenAround]:
+    """The chest through accurate points of a breast's ring, in L [m], and how many of them it
+    rests on; the breast's own chest where they are too few.
+
+    Args:
+        breast: As it was found.
+        points: Of its ring, and of its skin if at hand, in L [m], NaN where unknown.
+        tolerances: Largest distances from the chest of points that support it, fit by fit [m].
+    """
+    chest, ring = breast.plate, np.zeros((0, 3))
+    for tolerance in tolerances:
+        ring = _around(points, breast.mask, chest, RING_WIDTH, tolerance)
+        if len(ring) >= SMALLEST_RING_PX:
+            chest = fit_chest(ring, chest.middle, chest.normal, tolerance)
+    known = points[breast.ring]
+    heights = np.abs(chest.heights(known[np.isfinite(known[:, 0])]))
+    share = float(np.mean(heights < 2 * REFINED_TOLERANCE)) if len(heights) else 0.0
+    skin_seen = np.isfinite(points[breast.mask][:, 0]).any()
+    middle = _middle(points, breast.mask, chest) if skin_seen else chest.middle
+    on_chest = ring[np.abs(chest.heights(ring)) < REFINED_TOLERANCE] - middle
+    azimuths = np.sort(np.arctan2(on_chest[:, 1], on_chest[:, 0]))
+    if not len(azimuths):
+        return chest, SeenAround(pixels=0, share=share, gap=2 * np.pi, azimuth=0.0)
+    gaps = np.diff(np.append(azimuths, azimuths[0] + 2 * np.pi))
     widest = int(np.argmax(gaps))
-    if gaps[widest] > (LARGEST_GAP_FLAT if chest.is_flat else LARGEST_GAP_BENT):
-        centre = azimuth[widest] + gaps[widest] / 2
-        raise NoBreastError(
-            f"the chest is not seen over {np.degrees(gaps[widest]):.0f} degrees around the breast, "
-            f"towards the {_side(centre)} of the left picture, and its heights count from there: "
-            "let the cameras look more squarely at the chest, or move what covers it",
-            float(gaps[widest]),
-        )
+    centre = float(azimuths[widest] + gaps[widest] / 2)
+    return chest, SeenAround(
+        pixels=len(azimuths), share=share, gap=float(gaps[widest]), azimuth=centre
+    )
+
+
+def largest_gap(chest: Chest) -> float:
+    """The angle around a breast over which its chest need not be seen [rad]: it takes all sides to
+    tell how a chest bends.
+    """
+    return LARGEST_GAP_FLAT if chest.is_flat else LARGEST_GAP_BENT
 
 
 def _side(azimuth: float) -> str:
@@ -283,6 +354,17 @@ def _towards_camera(normal: Float[np.ndarray, "3"], offset: float) -> Plane:
     return (
         Plane(normal=-normal, offset=-offset) if offset > 0 else Plane(normal=normal, offset=offset)
     )
+
+
+def regions_above(
+    heights: Float[np.ndarray, "h w"], config: SegmentConfig
+) -> list[Bool[np.ndarray, "h w"]]:
+    """The connected regions higher than skin is told from a chest [m], the largest `BUMPS` of them
+    first.
+    """
+    count, labels, boxes = _regions(heights, config)
+    largest = 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]
+    return [labels == label for label in largest]
 
 
 def _bumps(

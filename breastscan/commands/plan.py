@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import tyro
-from jaxtyping import Float
 
 from breastscan.cell import Cell
 from breastscan.cloud import skin_fit
+from breastscan.cloud.cloud_breast import LOWEST, breast_in, breast_over
 from breastscan.commands.console import Out, console
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
@@ -40,10 +40,14 @@ COLUMNS = (
 )
 """Of the trajectory's table: time, joint angles, and the tool's pose in B as Universal Robots write
 it."""
-PLATE_QUANTILE = 0.005
-"""Fraction of a cloud's points, the lowest ones, below which the chest plate is taken to lie."""
-
-
+BY_RIM = (
+    "The cloud ends with the breast: heights count from the plane through its lower rim. Give "
+    "plate_height, or a cloud with the chest around, if that is not the chest."
+)
+TOP_SEEN = 0.07
+"""Angle around the top over which skin must be seen [rad]: 4 mm on a breast 55 mm high."""
+TOP_AZIMUTHS = 12
+"""In which that is looked for."""
 TWIN_TCP = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
 """Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: the twin's, 200 mm of
 tool bent by 45 degrees."""
@@ -78,15 +82,16 @@ def plan(
         cell: File of the robot's cell, as a scan leaves it: the tool's and the room's hulls, which
             are kept clear of, the probe's place and the arm's kinematics. Without it the arm keeps
             clear of itself and of the body in the cloud.
-        plate_height: Height of the chest plate in B [m], for a cloud; without it, that of the
-            cloud's lowest points.
+        plate_height: Height of a level chest plate in B [m], for a cloud; without it heights count
+            from the chest that the cloud shows around the breast.
         planning: Every setting of it.
 
     Raises:
         ConfigError: The source or the cell cannot be read, settings are given that the source or
             the cell leaves no use for, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
-        PerceptionError: A cloud has hardly any points.
+        PerceptionError: A cloud has hardly any points, no breast or several, or no chest that its
+            heights can count from.
         PlanningError: The path crosses skin that was not seen, or the arm cannot follow it.
     """
     _require_used(source, plate_height, planning)
@@ -100,11 +105,13 @@ def plan(
         calibration=arm,
     )
     if _is_path(source):
+        counted_from = ""
         given = _path(source)
         fitted = fitting.fit(lambda rise: given, [0.0], task)
     else:
         cloud = _Cloud.read(source, plate_height)
-        task = replace(task, clearance=clearance.of(Body(skin_B=cloud.points_B, chest=cloud.plate)))
+        counted_from = BY_RIM if cloud.by_rim else ""
+        task = replace(task, clearance=clearance.of(cloud.body))
         fitted = fitting.fit(lambda rise: cloud.loop(planning.pattern, rise), planning.rises, task)
     path, planned = fitted.path, fitted.motion
     q_retreat = planned.lifted(len(planned.q) - 1, X_FP, arm)
@@ -122,7 +129,7 @@ def plan(
         writing.write_settings(folder, {**settings, "urscript": urscript, "planning": planning})
     _tell(planned, planning.joints, out)
     hidden = motion.hidden_speed(path, planned, fitted.feed, planning.feedrate, PERIOD)
-    for told in (fitted.told, hidden):
+    for told in (counted_from, fitted.told, hidden):
         if told:
             console.print(f"[yellow]{told}[/]", soft_wrap=True)
     return planned
@@ -224,21 +231,44 @@ def _path(source: Path) -> SkinPath:
 
 @dataclass(frozen=True)
 class _Cloud:
-    """Points on the skin, the surface through them, and what they stand on."""
+    """Points on the body, the breast's skin through some of them, and what it stands on."""
 
-    points_B: Float[np.ndarray, "n 3"]
+    body: Body
+    chest: Plane
     skin: Skin
-    plate: Plane
+    by_rim: bool
 
     @staticmethod
     def read(source: Path, plate_height: float | None) -> "_Cloud":
-        """A cloud's file, over a plate at this height or at that of its lowest points."""
+        """A cloud's file, over its own chest or a level plate at this height."""
         points_B, normals_B = read_cloud(source)
-        lowest = float(np.quantile(points_B[:, 2], PLATE_QUANTILE))
-        height = lowest if plate_height is None else plate_height
-        plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=height)
-        return _Cloud(points_B, skin_fit.fit_cloud(points_B, normals_B, plate), plate)
+        if plate_height is None:
+            breast = breast_in(points_B, normals_B)
+        else:
+            plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=plate_height)
+            breast = breast_over(points_B, plate)
+        skin = skin_fit.fit_cloud(points_B[breast.skin], normals_B[breast.skin], breast.chest)
+        _require_top_seen(skin, breast.chest)
+        above = breast.chest.heights(points_B) > LOWEST
+        body = Body(skin_B=points_B[above], chest=breast.chest)
+        return _Cloud(body=body, chest=breast.chest, skin=skin, by_rim=breast.by_rim)
 
     def loop(self, config: PatternConfig, rise: float) -> SkinPath:
         """The half-height loop on it, so much higher [m]."""
-        return pattern.half_height_loop(self.skin, self.plate, config, rise)
+        return pattern.half_height_loop(self.skin, self.chest, config, rise)
+
+
+def _require_top_seen(skin: Skin, chest: Plane) -> None:
+    """Refuse a breast whose highest skin that was seen borders on skin that was not: its top, and
+    half of its height, are not known.
+    """
+    top_ab = pattern.top(skin, chest)
+    azimuths = np.linspace(0.0, 2 * np.pi, TOP_AZIMUTHS, endpoint=False)
+    around = top_ab + TOP_SEEN * np.column_stack([np.cos(azimuths), np.sin(azimuths)])
+    if not skin.known(around).all():
+        place_mm = np.round(1e3 * skin.points(top_ab[None])[0]).astype(int).tolist()
+        raise PlanningError(
+            f"the highest skin in the cloud, near {place_mm} mm in B, borders on skin that was not "
+            "seen, so the breast's height is not known: let the cloud hold the top of the breast",
+            place_mm,
+        )

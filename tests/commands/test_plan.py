@@ -5,6 +5,7 @@ import numpy as np
 import polars as pl
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
 from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
@@ -15,6 +16,7 @@ from breastscan.run import writing
 from breastscan.run.reading import read_cloud, read_path
 from breastscan.scan import PlanningConfig
 from sim.wrist.probe import tip_pose
+from tests.cloud import clouds
 
 CENTRE_B = np.array([0.5, 0.0, 0.08])
 RADIUS = 0.075
@@ -80,6 +82,40 @@ def test_the_path_of_a_plan_gives_the_same_plan_again(tmp_path, cloud):
 def test_the_plate_may_lie_lower_than_the_cloud(tmp_path, cloud):
     planned = plan.plan(cloud, tmp_path, plate_height=0.07)
     np.testing.assert_allclose(tips(planned)[:, 2] * 1e3, 70.0 + 32.5, atol=0.5)
+
+
+def written(folder, drawn):
+    writing.write_cloud(folder / "cloud.ply", drawn.points_B, drawn.normals_B)
+    return folder / "cloud.ply"
+
+
+@pytest.mark.parametrize("chest", [clouds.flat, clouds.cylinder(0.3)])
+def test_on_a_chest_that_leans_the_loop_lies_at_half_height_over_it(tmp_path, chest):
+    drawn = clouds.cloud(chest, clouds.tilted(np.radians(15.0), 2.5))
+    plan.plan(written(tmp_path, drawn), tmp_path / "out")
+    points_B = read_path(tmp_path / "out" / "path.csv")[0]
+    assert KDTree(drawn.loop_B).query(points_B)[0].max() < 0.5e-3
+
+
+def test_a_chest_that_is_but_the_rim_is_told(tmp_path, cloud, capsys):
+    plan.plan(cloud, tmp_path)
+    assert "heights count from the plane through its lower rim" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("centre", "radius", "why"),
+    [
+        (0.0, 0.012, "borders on skin that was not seen"),
+        (0.04, 0.02, "no skin was seen over"),
+        (-0.07, 0.06, "no skin was seen over"),
+    ],
+    ids=["at the top", "across the loop", "a side"],
+)
+def test_a_hole_that_the_loop_needs_is_refused(tmp_path, centre, radius, why):
+    drawn = clouds.cloud()
+    away = np.linalg.norm(drawn.along - [centre, 0.0], axis=1)
+    with pytest.raises(PlanningError, match=why):
+        plan.plan(written(tmp_path, drawn.where(away > radius)), tmp_path / "out")
 
 
 def test_what_lays_a_path_on_a_cloud_is_refused_for_a_path_that_is_given(tmp_path, cloud):
