@@ -32,9 +32,10 @@ class TiltConfig:
     """Tilt about x that is left alone [rad]: 1 % of cross-talk in the sensor looks like .6 degrees,
     and what a small dense breast presses across a probe that stands square on it like three and
     more. Planned normals are better than that, so this is for plans that are wrong."""
-    moment_dead_band: float = math.radians(5.0)
+    moment_dead_band: float = math.radians(8.0)
     """Tilt about y that is left alone [rad]: a force that the sensor, 160 mm away, reads 1 % too
-    far across looks like 2.9 degrees."""
+    far across looks like 2.9 degrees, and skin that bends more on one side of the array than on
+    the other like six."""
     bound: float = math.radians(8.0)
     """Largest correction about each axis [rad]."""
     rate_limit: float = math.radians(3.0)
