@@ -97,6 +97,19 @@ def test_the_population_is_as_large_as_it_is_asked_for_and_every_breast_has_its_
         assert str(config.scene.arm.seed) == run.varied["cell"]
 
 
+def test_breasts_with_layers_are_the_population_with_a_gland_and_a_skin():
+    population = study_population.spec(None)
+    spec = load(study_population.SPEC.with_name("layers.yaml"))
+    layers = {name: kinds for name, kinds in spec.vary.items() if name not in population.vary}
+    assert set(layers) == {
+        "scene.phantom.layers.gland_fraction", "scene.phantom.layers.skin_ratio",
+    }  # fmt: skip
+    assert {**population.vary, **layers} == spec.vary
+    assert spec.settings == population.settings
+    for run in spec.runs(0):
+        assert 7.0 <= run.config().scene.phantom.layers.skin_ratio <= 69.0
+
+
 REFUSED = {
     "unknown setting": ({"vary": {"contact.forse": {"values": [3]}}}, "did you mean contact.force"),
     "unknown fixed": (
