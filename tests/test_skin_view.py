@@ -44,6 +44,15 @@ def test_nearly_every_pixel_that_sees_skin_has_a_point_and_hardly_any_other(seen
     assert (found & ~SCENE.on_dome).sum() < 0.02 * SCENE.on_dome.sum()
 
 
+def test_pixels_are_left_out_that_the_right_camera_sees_where_the_skin_ends():
+    """Ten pixels of a row, of which the last three crowd within .6 px of the right view."""
+    disparity = np.full((2, 12), np.nan)
+    disparity[0, 1:11] = 20.0 - np.array([0, 0, 0, 0, 0, 0, 0, -0.8, -1.6, -2.4])
+    kept = skin_view._off_right_rim(disparity)
+    assert np.isfinite(kept[0]).tolist() == [*[False] * 2, *[True] * 6, *[False] * 4]
+    assert not np.isfinite(kept[1]).any()
+
+
 def test_the_skin_is_the_dome_within_a_fraction_of_a_tenth_of_a_millimetre(seen):
     skin, _ = seen
     p_L = SCENE.points[above_foot()]

@@ -68,7 +68,7 @@ class AcrossMemory:
     """What the reference across the axis carries from one period to the next."""
 
     estimate: Follower = field(default_factory=Follower)
-    """The believed share of the chest's rise along its normal since the pictures, once the servo
+    """The trusted share of the chest's rise along its normal since the pictures, once the servo
     has followed [m]."""
     low: float = 0.0
     """Lowest rise since the skin's softness is known [m]."""
@@ -126,12 +126,12 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
     absent = memory.weight.position < ABSENT
     low, high = (0.0, 0.0) if absent or found else (memory.low, memory.high)
     low, high = min(low, rise), max(high, rise)
-    believed = _believed(0.5 * (high - low))
+    trusted = _trusted(0.5 * (high - low))
     if absent:
-        estimate = Follower(believed * rise)
+        estimate = Follower(trusted * rise)
     else:
         estimate = memory.estimate.after(
-            believed * rise, believed * speed, RISE_HZ, now.period, ACCELERATION
+            trusted * rise, trusted * speed, RISE_HZ, now.period, ACCELERATION
         )
     return AcrossMemory(
         estimate,
@@ -145,7 +145,7 @@ def _following(now: Pressed, surface: SkinEstimate, memory: AcrossMemory) -> Acr
     )
 
 
-def _believed(half_range: float) -> float:
+def _trusted(half_range: float) -> float:
     """Share of a rise that is taken for breath, by half its range [m]."""
     return half_range**4 / (half_range**4 + PLAN_ERROR**4)
 

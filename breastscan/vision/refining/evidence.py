@@ -37,7 +37,7 @@ ABSOLUTE_DEVIATIONS = 1.2533
 NEIGHBOURS = 2.0
 """Pixels that share one measurement's noise, by the interpolation of rectified images: their
 residuals times slopes are correlated by .10 to .13 with each of four neighbours."""
-RIM_VARIANCE, RIM_PX = 3.0, 1.5
+RIM_VARIANCE, RIM_PX = 1.0, 1.5
 """Variance that a pixel at the rim of the known has in addition [times the noise's], and over which
 distance that fades: what lies behind shines into it."""
 
