@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from breastscan.cloud.segment import CROSS, Breast
-from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin, require_enough
+from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin, require_enough, support
 from breastscan.geometry.skin import Skin
 from breastscan.vision.camera import RectifiedPair
 from breastscan.vision.refine import RefinedDisparity
@@ -62,8 +62,11 @@ def see_skin(
     photometry = Photometry.of(pair, refined.row_shift)
     fit = fit_skin(_sightings(photometry, seen, pair), X_LN, None, NIPPLE_SPREAD)
     for _ in range(PASSES):
-        seen = _off_right_rim(_disparity(fit.skin, pair, near, refined, breast))
-        fit = fit_skin(_sightings(photometry, seen, pair), X_LN, fit, NIPPLE_SPREAD)
+        seen = _disparity(fit.skin, pair, near, refined, breast)
+        told = _sightings(photometry, _off_right_rim(seen), pair)
+        fit = fit_skin(told, X_LN, fit, NIPPLE_SPREAD)
+        known = support(fit.skin.chart(points(seen, pair)))
+        fit = replace(fit, skin=replace(fit.skin, support=known))
     skin = replace(fit.skin, covariance=OTHER_ERRORS * fit.skin.covariance)
     return skin, _disparity(skin, pair, near, refined, breast)
 
@@ -115,8 +118,8 @@ def _disparity(
     depth = skin.first_hits(np.zeros(3), rays_L, start)
     p_L = rays_L * depth[:, None]
     above = breast.plate.heights(p_L) > LOWEST
-    support = skin.support.astype(np.uint8)
-    grown = replace(skin, support=cv2.dilate(support, CROSS, iterations=GROWTH) > 0)
+    squares = skin.support.astype(np.uint8)
+    grown = replace(skin, support=cv2.dilate(squares, CROSS, iterations=GROWTH) > 0)
     above[above] = grown.known(skin.chart(p_L[above]))
     agrees = ~(np.abs(matched - unit / depth) > LARGEST_CHANGE_PX)
     result = np.full(near.shape, np.nan)

@@ -9,7 +9,7 @@ by the line's slope against the skin times that.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from breastscan.cloud.smoothness import Smoothness
@@ -122,7 +122,7 @@ def fit_skin(
             covariance=banded.inverse_within_band(factor),
         )
         smoothness = smoothness.learned(skin.radii, skin.covariance, _nipple(skin, nipple))
-    return SkinFit(skin=replace(skin, support=_support(ab)), smoothness=smoothness)
+    return SkinFit(skin=replace(skin, support=support(ab)), smoothness=smoothness)
 
 
 def _nipple(skin: Skin, spread: float) -> Float[np.ndarray, "m m"]:
@@ -255,8 +255,10 @@ def _weighted(
     return precision, np.where(told, -residual / np.where(told, slope, 1.0), 0.0)
 
 
-def _support(ab: Float[np.ndarray, "n 2"]) -> np.ndarray:
-    """Squares of the chart in which skin was seen, gaps of a square closed."""
+def support(ab: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "s s"]:
+    """Squares of the chart in which skin was seen, at these places [rad], gaps of a square
+    closed.
+    """
     edges = np.linspace(-REACH, REACH, SQUARES + 1)
     seen = np.histogram2d(*ab.T, bins=[edges, edges])[0] > 0
     return ndimage.binary_closing(seen, np.ones((3, 3)))
