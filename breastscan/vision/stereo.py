@@ -7,10 +7,10 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from breastscan.errors import ConfigError, PerceptionError
-from breastscan.vision.matching.census import HALF_HEIGHT, HALF_WIDTH, census
+from breastscan.vision.matching.census import census
 from breastscan.vision.matching.disparity_filters import filtered
 from breastscan.vision.matching.lanes import LANES
 from breastscan.vision.matching.sgm import semi_global_disparity
@@ -23,9 +23,6 @@ COARSE_TAIL = 0.002
 COARSE_MARGIN = 2
 """Coarse pixels added to the range at either end: what is too small to be seen there, and what ends
 a range."""
-LEAST_CONTRAST = 1.0
-"""Standard deviation of the shrunken grey levels in a census window, below which they are rounding
-and noise [grey levels]: a bare table matches itself anywhere."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,11 +131,9 @@ def disparity_range(
     coarse = _matched(
         small_left, small_right, replace(config, min_disparity=0, num_disparities=half_width)
     )
-    known = np.isfinite(coarse)
-    if not known.any():
+    known = coarse[np.isfinite(coarse)]
+    if known.size == 0:
         return None
-    told = known & _has_contrast(small_left)
-    known = coarse[told if told.any() else known]
     low, high = np.quantile(known, [COARSE_TAIL, 1 - COARSE_TAIL])
     smallest = config.min_disparity
     if smallest is None:
@@ -147,14 +142,6 @@ def disparity_range(
         int(factor * (high + COARSE_MARGIN)) + 1 - smallest
     )
     return smallest, count
-
-
-def _has_contrast(image: UInt8[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-    """Where grey levels vary by more than noise within a census window."""
-    window = (2 * HALF_WIDTH + 1, 2 * HALF_HEIGHT + 1)
-    grey = image.astype(np.float32)
-    variance = cv2.sqrBoxFilter(grey, -1, window) - cv2.blur(grey, window) ** 2
-    return variance > LEAST_CONTRAST**2
 
 
 def _whole_lanes(count: int) -> int:

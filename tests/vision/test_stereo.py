@@ -212,21 +212,6 @@ def test_the_coarse_pass_finds_a_range_that_holds_all_that_is_seen_and_not_much_
         )
 
 
-def test_a_bare_table_that_matches_itself_far_off_widens_no_range():
-    """Its shading rounds to steps of one grey level, here with a pattern of its own 90 px away."""
-    pair = DomeScene().pair()
-    left, right = (
-        np.vstack([np.full((240, pair.left.shape[1]), 224, np.uint8), image])
-        for image in (pair.left, pair.right)
-    )
-    steps = np.random.default_rng(4).integers(0, 2, (20, 40)).astype(np.uint8)
-    pattern = np.kron(steps, np.ones((4, 4), np.uint8))
-    left[:80, 440:600] += pattern
-    right[:80, 190:350] += pattern
-    bare = disparity_range(pair.left, pair.right, StereoConfig())
-    assert disparity_range(left, right, StereoConfig()) == bare
-
-
 def test_a_range_that_is_given_is_kept():
     pair = DomeScene().pair()
     assert disparity_range(pair.left, pair.right, StereoConfig(min_disparity=90))[0] == 90
