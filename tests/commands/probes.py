@@ -202,7 +202,7 @@ class Bench(SpringRobot):
         if period == SILENT:
             return self.latest
         force = -now.wrench_P[2]
-        lean = force * np.array([0.02, 0.05, 0.0, 0.0, 0.004, 0.0])
+        lean = force * np.array([0.02, 0.12, 0.0, 0.0, 0.006, 0.0])
         noise = self.draws.standard_normal(6) * np.repeat([0.04, 0.002], 3)
         wrench_P = now.wrench_P + lean + noise
         wrench_P[2] -= self.world.spike if period == SPIKE else 0.0
