@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from breastscan.cloud.segment import CROSS, Breast
+from breastscan.cloud.segment import CROSS, LOWEST, Breast
 from breastscan.cloud.skin_fit import Sightings, chart_pose, fit_skin, require_enough, support
 from breastscan.geometry.skin import Skin
 from breastscan.vision.camera import RectifiedPair
@@ -28,8 +28,6 @@ RIGHT_RIM_PX = 0.5
 lies behind shines in, and makes the skin seem .3 px farther."""
 MARGIN_PX = 8
 """How far beyond the mask skin is looked for [px]."""
-LOWEST = 5e-4
-"""Height over the chest below which skin is not told from it [m]."""
 OTHER_ERRORS = 1.7
 """Variance of the skin over that by the noise alone [-]: what rectification, and at grazing angles
 the pixels' own size, add to it; from seeds 0 and 2 and one breast of each class."""

@@ -13,8 +13,9 @@ from jaxtyping import Bool, Float
 
 from breastscan.cloud import segment
 from breastscan.cloud.chest_fit import fit_plane
-from breastscan.cloud.laid_out import FEWEST, PIXEL, LaidOut
-from breastscan.cloud.segment import Breast, NoBreast, SeenAround, SegmentConfig
+from breastscan.cloud.laid_out import PIXEL, LaidOut
+from breastscan.cloud.segment import LOWEST, Breast, NoBreast, SeenAround, SegmentConfig
+from breastscan.cloud.skin_fit import FEWEST
 from breastscan.errors import NoBreastError, PerceptionError
 from breastscan.geometry import robust, se3
 from breastscan.geometry.chest import Chest
@@ -42,8 +43,6 @@ SMOOTH = 0.9
 had loops that were off by more than 1 mm, of those with more none by more than 1 mm RMS."""
 GROWTH_PX = 3
 """How far beyond its mask skin belongs to the breast [px]: the foot is rounded off."""
-LOWEST = 5e-4
-"""Height over the chest below which skin is not told from it [m]."""
 FILLED = 0.85
 """Share of a cloud that lies on the breast, where it ends with it [-]: with a chest around, at most
 half does."""

@@ -21,8 +21,6 @@ BRIDGED = 6.0
 """Gaps between points that are closed, over the usual distance of neighbours [-]."""
 LEAST_BRIDGED = 3e-3
 """Gaps that are closed in any case [m]."""
-FEWEST = 100
-"""Points that can be laid out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +35,7 @@ class LaidOut:
 
     @staticmethod
     def along(axis: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 3"]) -> "LaidOut":
-        """Points in A [m] seen against an outward unit vector: at least `FEWEST`."""
+        """Points in A [m] seen against an outward unit vector: enough to triangulate."""
         R_AC = (np.diag([1.0, -1.0, -1.0]) @ se3.axes_along(axis)).T
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         X_AC = se3.pose(R_AC, middle + STAND_OFF * axis)

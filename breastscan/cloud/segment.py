@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import binary_fill_holes
 
 from breastscan.checks import require_positive, require_seed
@@ -38,6 +38,8 @@ FIT_POINTS = 6000
 """Points of it that are."""
 REFINED_TOLERANCE = 5e-4
 """Largest distance of a refined point from the chest that it supports [m]."""
+LOWEST = 5e-4
+"""Height over the chest below which refined points of skin are not told from it [m]."""
 FIT_DEPTH = 4.0
 """Points of the ring farther from the chest so far than so many times the tolerance are left
 out."""
@@ -362,9 +364,8 @@ def regions_above(
     """The connected regions higher than skin is told from a chest [m], the largest `BUMPS` of them
     first.
     """
-    count, labels, boxes = _regions(heights, config)
-    largest = 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]
-    return [labels == label for label in largest]
+    _, labels, boxes = _regions(heights, config)
+    return [labels == label for label in _largest(boxes)]
 
 
 def _bumps(
@@ -373,8 +374,8 @@ def _bumps(
     """The connected regions above a chest, the largest first: a box of the image with room around,
     and which of its pixels they are.
     """
-    count, labels, boxes = _regions(heights, config)
-    for label in 1 + np.argsort(-boxes[1:count, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]:
+    _, labels, boxes = _regions(heights, config)
+    for label in _largest(boxes):
         x, y, width, height = boxes[label, :4].tolist()
         margin = EDGE_PX + 1 + round(FIT_WIDTH * max(width, height))
         box = (
@@ -382,6 +383,11 @@ def _bumps(
             slice(max(x - margin, 0), x + width + margin),
         )
         yield box, labels[box] == label
+
+
+def _largest(boxes: Int[np.ndarray, "r 5"]) -> Int[np.ndarray, "b"]:
+    """Labels of the largest regions, the first of which is what lies around all of them."""
+    return 1 + np.argsort(-boxes[1:, cv2.CC_STAT_AREA], kind="stable")[:BUMPS]
 
 
 def _regions(heights: Float[np.ndarray, "h w"], config: SegmentConfig) -> tuple:

@@ -11,7 +11,8 @@ import tyro
 
 from breastscan.cell import Cell
 from breastscan.cloud import skin_fit
-from breastscan.cloud.cloud_breast import LOWEST, breast_in, breast_over
+from breastscan.cloud.cloud_breast import breast_in, breast_over
+from breastscan.cloud.segment import LOWEST
 from breastscan.commands.console import Out, console
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import calibration_file, se3
