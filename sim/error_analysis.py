@@ -23,9 +23,9 @@ from sim.truth_log import TruthLog
 STEADY_AFTER = 1.0
 """Force is judged from this long after the loop starts [s]: until then the contact settles into the
 motion."""
-REPLAY_STEP = 10
+REPLAY_STEP = 20
 """Every so many control periods the contact is solved again, to find its place on the skin (every
-.5 mm)."""
+millimetre)."""
 PATH_SAMPLES = 1000
 """Points at which the planned curve is held against the skin."""
 
