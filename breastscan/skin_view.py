@@ -28,7 +28,7 @@ RIGHT_RIM_PX = 0.5
 lies behind shines in, and makes the skin seem .3 px farther."""
 MARGIN_PX = 8
 """How far beyond the mask skin is looked for [px]."""
-OTHER_ERRORS = 1.7
+OTHER_ERRORS = 1.3
 """Variance of the skin over that by the noise alone [-]: what rectification, and at grazing angles
 the pixels' own size, add to it; from seeds 0 and 2 and one breast of each class."""
 NIPPLE_SPREAD = 12e-3

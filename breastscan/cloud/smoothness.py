@@ -18,10 +18,13 @@ from breastscan.geometry.compiled import kernel
 FIRST_SPREAD = 3e-4
 """Standard deviation of a third difference before anything is learned [m]: of a skin between the
 dome and the nipple."""
-RARE_SPREAD = 1e-4
-"""Where hardly anything was seen [m]."""
-RARE = 1e-3
-"""Sightings that this counts as, in coefficients."""
+USUAL_SPREAD = 2e-4
+"""What is expected of it before it is learned how smooth a place is [m]."""
+USUAL = 0.1
+"""How many coefficients of those that sightings tell this counts as. With next to none (.001) noise
+is taken for shape here and there, and smooth places for smoother than they are: of sixteen breasts
+of the population normals are then off by 1.27 degrees instead of 1.15, their worst twentieth by 3.6
+instead of 3.2, halfway up by .78 instead of .62 (medians)."""
 POOL = 1.75
 """Reach of the pooling [cells of the grid], a standard deviation."""
 LEAST_VARIANCE, GREATEST_VARIANCE = 1e-12, 1e-4
@@ -61,8 +64,8 @@ class Smoothness:
         _third_differences(radii, covariance, *_STENCILS, squares, uncertainty)
         # of each coefficient, the share that sightings tell and not what was expected
         seen = np.where(uncertainty > 0, np.maximum(1.0 - uncertainty / self.variance, 0.0), 0.0)
-        variance = (gaussian_filter(squares, POOL) + RARE * RARE_SPREAD**2) / (
-            gaussian_filter(seen, POOL) + RARE
+        variance = (gaussian_filter(squares, POOL) + USUAL * USUAL_SPREAD**2) / (
+            gaussian_filter(seen, POOL) + USUAL
         )
         variance = np.clip(variance, LEAST_VARIANCE, GREATEST_VARIANCE)
         return Smoothness(variance=np.maximum(variance, least))
