@@ -10,8 +10,10 @@ DOCS   := .venv-docs
 scan: $(READY)  ## scan the phantom with the twin; results in out/scan
 	$(BIN)/breastscan scan
 
+# What needs the machine's whole attention comes alone, the rest side by side.
 test: $(READY)  ## the whole test suite
-	$(BIN)/pytest
+	$(BIN)/pytest -m realtime
+	$(BIN)/pytest -m "not realtime" -n auto --maxprocesses 4 --dist loadfile
 
 fuzz: $(READY)  ## 10,000 programs and byte strings that nobody wrote, for every port of the twin
 	MUJOCO_GL=$${MUJOCO_GL:-egl} $(BIN)/python -m tests.sim.controller.fuzz
