@@ -115,10 +115,10 @@ def band_noise(
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
     # single precision, which only scipy's transform keeps: half the time
-    white = scipy.fft.rfft(rng.standard_normal((size, size)).astype(np.float32))[:, :columns]
-    spectrum = scipy.fft.fft(white, axis=0) * gain
+    white = np.asarray(scipy.fft.rfft(rng.standard_normal((size, size)).astype(np.float32)))
+    spectrum = np.asarray(scipy.fft.fft(white[:, :columns], axis=0)) * gain
     spectrum /= _deviation(spectrum, size)
-    return scipy.fft.irfft(scipy.fft.ifft(spectrum, axis=0), n=size)
+    return np.asarray(scipy.fft.irfft(scipy.fft.ifft(spectrum, axis=0), n=size))
 
 
 def _deviation(spectrum: np.ndarray, size: int) -> np.float32:
