@@ -6,19 +6,17 @@ are not in life.
 """
 
 import numpy as np
-import scipy.fft
-import scipy.special
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, UInt8
 
-SKIN_TONE = np.array([220.0, 181.0, 163.0], np.float32)
-AREOLA_TONE = np.array([170.0, 108.0, 98.0], np.float32)
-FRECKLE_TINT = np.array([-58.0, -66.0, -66.0], np.float32)
-PLASTIC_TONE = np.array([206.0, 209.0, 212.0], np.float32)
+SKIN_TONE = np.array([220.0, 181.0, 163.0])
+AREOLA_TONE = np.array([170.0, 108.0, 98.0])
+FRECKLE_TINT = np.array([-58.0, -66.0, -66.0])
+PLASTIC_TONE = np.array([206.0, 209.0, 212.0])
 PRINTED_RING = 3e-3
 """Spacing of the rings that a printer leaves, as coarse as a camera still sees [m]."""
-VEIN_TINT = np.array([-12.0, -4.0, 1.0], np.float32)
-GRAIN_TINT = np.array([1.1, 1.0, 0.95], np.float32)
-BLUSH_TINT = np.array([0.4, -0.7, -0.5], np.float32)
+VEIN_TINT = np.array([-12.0, -4.0, 1.0])
+GRAIN_TINT = np.array([1.1, 1.0, 0.95])
+BLUSH_TINT = np.array([0.4, -0.7, -0.5])
 BANDWIDTH = 0.25
 """Relative width of a noise's band (standard deviation) [-]."""
 NEGLIGIBLE = 9.0
@@ -40,13 +38,13 @@ def skin(
         areola_radius: Radius of the areola [m]; 0 for none.
     """
 
-    def noise(wavelength: float) -> Float32[np.ndarray, "size size"]:
+    def noise(wavelength: float) -> Float[np.ndarray, "size size"]:
         return band_noise(rng, size, wavelength / pixel)
 
     areola = (
         _disc(size, areola_radius / pixel, 0.05 * noise(8e-3))
         if areola_radius
-        else np.zeros((size, size), np.float32)
+        else np.zeros((size, size))
     )
     blush = noise(30e-3)
     veins, vein_patches = noise(36e-3), noise(40e-3)
@@ -82,9 +80,9 @@ def smooth(
     arguments as for `skin`.
     """
     areola = (
-        _disc(size, areola_radius / pixel, np.zeros((size, size), np.float32))
+        _disc(size, areola_radius / pixel, np.zeros((size, size)))
         if areola_radius
-        else np.zeros((size, size), np.float32)
+        else np.zeros((size, size))
     )
     image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
     image += 2 * band_noise(rng, size, 30e-3 / pixel)[..., None] * BLUSH_TINT
@@ -104,30 +102,29 @@ def plastic(rng: np.random.Generator, size: int, pixel: float) -> UInt8[np.ndarr
 
 def band_noise(
     rng: np.random.Generator, size: int, wavelength_px: float
-) -> Float32[np.ndarray, "size size"]:
+) -> Float[np.ndarray, "size size"]:
     """Periodic noise of zero mean and unit variance in a narrow band
     around `wavelength_px`.
     """
     # the columns of the spectrum beyond the band are never computed: they would be most of the work
     columns = int(size * (1 + BANDWIDTH * NEGLIGIBLE) / wavelength_px) + 1
-    along, across = scipy.fft.fftfreq(size), scipy.fft.rfftfreq(size)[:columns]
-    frequency = np.hypot(along[:, None].astype(np.float32), across.astype(np.float32))
+    across = np.fft.rfftfreq(size)[:columns]
+    frequency = np.hypot(np.fft.fftfreq(size)[:, None], across)
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
-    # single precision, which only scipy's transform keeps: half the time
-    white = np.asarray(scipy.fft.rfft(rng.standard_normal((size, size)).astype(np.float32)))
-    spectrum = np.asarray(scipy.fft.fft(white[:, :columns], axis=0)) * gain
+    white = np.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
+    spectrum = np.fft.fft(white, axis=0) * gain
     spectrum /= _deviation(spectrum, size)
-    return np.asarray(scipy.fft.irfft(scipy.fft.ifft(spectrum, axis=0), n=size))
+    return np.fft.irfft(np.fft.ifft(spectrum, axis=0), n=size, axis=1)
 
 
-def _deviation(spectrum: np.ndarray, size: int) -> np.float32:
+def _deviation(spectrum: np.ndarray, size: int) -> float:
     """Standard deviation of the real image that has the first columns of its spectrum, zero mean
     and nothing in the others (Parseval).
     """
-    power = np.sum(np.real(spectrum) ** 2 + np.imag(spectrum) ** 2, axis=0, dtype=float)
+    power = np.sum(np.real(spectrum) ** 2 + np.imag(spectrum) ** 2, axis=0)
     once = power[:: size // 2]  # the columns of frequency 0 and 1/2 have no mirror image
-    return np.float32(np.sqrt(2 * power.sum() - once.sum()) / size**2)
+    return float(np.sqrt(2 * power.sum() - once.sum())) / size**2
 
 
 def _spots(noise: np.ndarray, threshold: float) -> np.ndarray:
@@ -147,6 +144,6 @@ def _ridge(noise: np.ndarray, width: float) -> np.ndarray:
 
 def _disc(size: int, radius_px: float, edge: np.ndarray) -> np.ndarray:
     """1 inside a disc in the centre, 0 outside, with a soft edge displaced by `edge` (in radii)."""
-    axis = np.arange(size, dtype=np.float32) + 0.5 - size / 2
+    axis = np.arange(size) + 0.5 - size / 2
     distance = np.hypot(axis[:, None], axis[None, :]) / radius_px + edge
-    return scipy.special.expit((1 - distance) / 0.06)
+    return 1 / (1 + np.exp((distance - 1) / 0.06))

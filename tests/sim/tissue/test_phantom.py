@@ -185,8 +185,7 @@ def test_noise_is_what_the_whole_spectrum_would_give(wavelength):
     white = np.random.default_rng(2).standard_normal((size, size))
     whole = np.fft.irfft2(np.fft.rfft2(white) * gain, s=(size, size))
     noise = band_noise(np.random.default_rng(2), size, wavelength)
-    # to single precision: .0001 of a grey level
-    np.testing.assert_allclose(noise, whole / whole.std(), atol=1e-5)
+    np.testing.assert_allclose(noise, whole / whole.std(), atol=1e-10)
 
 
 def test_every_matching_window_of_the_skin_has_contrast(skin_texture):
