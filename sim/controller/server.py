@@ -125,15 +125,27 @@ class Server:
             self.close()
 
     def step(self) -> None:
-        """Take in what has arrived, one period of the controller, and send what is due."""
+        """Take in what has arrived, one period of the controller, and send what is due.
+
+        In real time a state is told when its period is over, as a robot tells it: its client then
+        has a whole period for the answer, however long the next one takes here. In lockstep, where
+        the answer is waited for, it is told at once.
+        """
         self._exchange(0.0)
         clients = list(self._client_of.values())
         self._faults.count(
             sum(client.rtde.commands for client in clients if client.rtde is not None)
         )
+        if self.controller.config.clock == "real-time":
+            self._tell()
         self._dashboard.cycle()
         self.controller.cycle()
-        for client in clients:
+        if self.controller.config.clock == "lockstep":
+            self._tell()
+
+    def _tell(self) -> None:
+        """Send every client what is due."""
+        for client in list(self._client_of.values()):
             self._guarded(client, self._publish)
             if client.is_stuck:
                 client.close()

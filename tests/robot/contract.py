@@ -12,6 +12,8 @@ marks a robot that can only repeat what it was told once, which is `stream` from
 does not apply to it is skipped by name. `CLOCK_SLACK` is for a robot whose clock runs by itself.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -65,10 +67,13 @@ class RobotContract:
     """Most that the mean force may be in free space after a tare [N]."""
 
     @pytest.fixture
-    def ready(self, robot) -> Robot:
-        """The robot at rest at `Q_START`."""
+    def ready(self, robot) -> Iterator[Robot]:
+        """The robot at rest at `Q_START`; left in the middle of a motion, it is stopped, before it
+        is found to move without a target.
+        """
         robot.move_joint(self.Q_START, SPEED, ACCELERATION)
-        return robot
+        yield robot
+        robot.stop()
 
     def needs_an_arm(self, what):
         if self.PLAYS_BACK:

@@ -13,6 +13,7 @@ from breastscan.errors import ConfigError, RobotError
 from breastscan.robot.ur.rtde_robot import RtdeConfig, RtdeRobot
 from breastscan.robot.ur.worker import LinkLimits
 from sim.controller.fault_injection import TwinControl
+from sim.robot import SimRobot
 from sim.scene import Scene
 from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
@@ -33,14 +34,19 @@ def scene():
     return Scene()
 
 
-def connect(scene):
+def connect(scene, slack=1.0):
     tool = payload(scene.config.mount_angle)
-    return RtdeRobot(RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=tool))
+    return RtdeRobot(
+        RtdeConfig(host=HOST, X_FP=scene.X_FP, payload=tool, limits=LinkLimits(slack=slack))
+    )
 
 
 def test_two_scans_in_lockstep_are_equal_to_the_last_bit_from_the_tare_on(scene):
     """With noise, drift and breath, though one twin has been waiting for a second longer."""
-    motion = arc_motion(scene, Truth(scene.phantom, SoftTissue.build(scene.phantom)), length=0.01)
+    tissue = SoftTissue.build(scene.phantom)
+    motion = arc_motion(scene, Truth(scene.phantom, tissue), length=0.01)
+    # loads every kernel here: the twin waits for two seconds only
+    execution.execute(SimRobot(scene, tissue), motion, CONFIG, SafetyLimits())
 
     def scanned(waiting):
         with served(HOST, *ERRORS):
@@ -78,7 +84,7 @@ def test_a_controller_that_is_killed_is_told_and_a_new_one_is_taken_over(scene, 
 @pytest.fixture(scope="module")
 def in_real_time(scene):
     with served(HOST, clock="real-time"):
-        robot = connect(scene)
+        robot = connect(scene, slack=3.0)  # as docs/hardware.md says of a busy computer
         yield robot
         robot.close()
 
