@@ -21,8 +21,8 @@ NEIGHBOURS = 15
 """Neighbourhood that the paper settles on [Zhang, Fig. 10]."""
 SAMPLING_LEAF = 64
 """Points that uniform sampling looks at together: some 100 each sample stands for."""
-MANY_CELLS = 2**62
-"""From the origin, in whole numbers that still hold them."""
+MOST_CELLS = 2**20
+"""From the origin along an axis: three such numbers are told by one."""
 
 
 def statistical_inliers(
@@ -57,13 +57,12 @@ def grid_sample(points: Float[np.ndarray, "n 3"], cell: float) -> Int[np.ndarray
     require_points(points)
     if not cell > 0:
         raise ValueError(f"cell must be a positive length [m], got {cell}")
-    cubes = np.floor(points / cell)
-    if not np.abs(cubes).max() < MANY_CELLS:
+    if not np.abs(points).max() < MOST_CELLS * cell:
         raise ValueError(
-            f"cell must be a length [m] that the cloud's coordinates have a number of, got {cell}"
+            f"cell must be more than 1 / {MOST_CELLS} of the cloud's coordinates [m], got {cell}"
         )
-    _, cube = np.unique(cubes.astype(np.int64), axis=0, return_inverse=True)
-    cube = cube.reshape(-1)
+    x, y, z = np.floor(points / cell).astype(np.int64).T + MOST_CELLS
+    _, cube = np.unique((x * 2 * MOST_CELLS + y) * 2 * MOST_CELLS + z, return_inverse=True)
     counts = np.bincount(cube)
     means = np.stack(
         [np.bincount(cube, weights=points[:, axis]) / counts for axis in range(3)], axis=-1
