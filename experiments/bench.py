@@ -6,10 +6,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from experiments import bench_camera, bench_control, bench_motion, bench_stereo, bench_twin
+from experiments import (
+    bench_camera,
+    bench_cloud,
+    bench_control,
+    bench_motion,
+    bench_stereo,
+    bench_twin,
+)
 
 SECTIONS = {
     "Stereo": bench_stereo.rows,
+    "Clouds": bench_cloud.rows,
     "Motion": bench_motion.rows,
     "Twin": bench_twin.rows,
     "Control": bench_control.rows,

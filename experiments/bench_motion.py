@@ -1,5 +1,5 @@
-"""How much CPU time do curve, inverse kinematics and planning of a loop take, and how much do
-their peers take?
+"""How much CPU time do curve, inverse kinematics and planning of a loop take, how long is the
+planned motion, and what do their peers make of it?
 """
 
 import time
@@ -12,11 +12,12 @@ from scipy.interpolate import make_interp_spline
 
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.nurbs import Nurbs
-from breastscan.planning import motion
+from breastscan.planning import feedrate, motion
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.joint_limits import JointPathConfig
 from breastscan.planning.pattern import Path
 from breastscan.robot.ur.ur5e import PERIOD
+from experiments.peers import peer
 
 CURVE_POINTS = 1_000_000
 """Parameters at which a curve and its first two derivatives are evaluated."""
@@ -26,6 +27,10 @@ POSES = 100_000
 """Poses solved by the inverse kinematics."""
 SINGLE_CALLS = 2_000
 """Calls of forward and Jacobian for one configuration, as a controller makes them."""
+NO_JERK_LIMIT = 1e6
+"""So high that it does not bind [m/s^3]."""
+GRID = 8_000
+"""Places along a curve at which TOPP-RA holds the limits."""
 LONG_TURNS = 4
 """Of the path that shows how planning time grows with length."""
 REPEATS = 3
@@ -36,7 +41,7 @@ Row = tuple[str, float, float, float]
 
 def rows() -> list[Row]:
     """What was timed, own CPU time [s], the peer's or the budget [s], and peer over own."""
-    return [*_curve_rows(), *_kinematics_rows(), *_planning_rows()]
+    return [*_curve_rows(), *_kinematics_rows(), *_planning_rows(), *_feedrate_rows()]
 
 
 def _row(what: str, own: float, peer: float) -> Row:
@@ -155,6 +160,70 @@ def _planning_rows() -> list[Row]:
     ]
 
 
+def _feedrate_rows() -> list[Row]:
+    """Here the times are those that the motions take [s]: the peer's is the least there is without
+    a limit on the jerk, under the same limits of speed, acceleration, normal acceleration and chord
+    error.
+    """
+    toppra = peer("toppra")
+    if toppra is None:
+        return []
+    toppra.setup_logging("ERROR")
+    found = []
+    for name, curve in _figures().items():
+        for jerk in (NO_JERK_LIMIT, FeedrateLimits().jerk):
+            limits = FeedrateLimits(jerk=jerk)
+            own = float(feedrate.interpolate(curve, limits, PERIOD).t[-1])
+            what = f"motion along a {name}, jerk to {jerk:g} m/s^3, against TOPP-RA without"
+            found.append(_row(what, own, _toppra_seconds(toppra, curve, limits)))
+    return found
+
+
+def _figures() -> dict[str, Nurbs]:
+    """Curves of some hundred millimetres."""
+    angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    side = np.linspace(0.0, 0.1, 20, endpoint=False)
+    low, high = np.zeros(20), np.full(20, 0.1)
+    there = np.linspace(0.0, 0.1, 8)
+    drawn = {
+        "figure of eight": (0.06 * np.sin(angle), 0.03 * np.sin(2 * angle)),
+        "square": (
+            np.hstack([side, high, 0.1 - side, low]),
+            np.hstack([low, side, high, 0.1 - side]),
+        ),
+        "hairpin": (np.hstack([there, there[::-1]]), np.repeat([0.0, 2e-3], 8)),
+    }
+    return {"ring": _ring().curve} | {
+        name: Nurbs.interpolate(
+            np.stack([x, y, np.zeros_like(x)], axis=1), closed=name != "hairpin"
+        )
+        for name, (x, y) in drawn.items()
+    }
+
+
+def _toppra_seconds(toppra, curve: Nurbs, limits: FeedrateLimits) -> float:
+    """Length is its one joint, in mm: it takes numbers of a size of 1."""
+    steps = np.linspace(0.0, 1.0, GRID // (len(curve.breaks) - 1), endpoint=False)
+    spans = curve.breaks[:-1, None] + np.diff(curve.breaks)[:, None] * steps
+    u = np.append(spans.ravel(), 1.0)
+    s = 1e3 * curve.arc_length(u)
+    speed = 1e3 * feedrate.speed_limit(curve.curvature(u), limits, PERIOD)
+    acceleration = 1e3 * limits.acceleration
+    solver = toppra.algorithm.TOPPRA(
+        [
+            toppra.constraint.JointVelocityConstraintVarying(
+                lambda x: np.array([[-1.0, 1.0]]) * np.interp(x, s, speed)
+            ),
+            toppra.constraint.JointAccelerationConstraint([[-acceleration, acceleration]]),
+        ],
+        toppra.SplineInterpolator([0.0, s[-1]], [[0.0], [s[-1]]]),
+        gridpoints=s,
+        parametrizer="ParametrizeConstAccel",
+        solver_wrapper="seidel",
+    )
+    return float(solver.compute_trajectory(0.0, 0.0).duration)
+
+
 def _helix(turns: int) -> Path:
     """Turns of 62 mm radius above each other, the probe upright."""
     angle = np.linspace(0.0, 2 * np.pi * turns, 15 * turns + 1)
@@ -166,5 +235,5 @@ def _helix(turns: int) -> Path:
 
 
 if __name__ == "__main__":
-    for what, own, peer, ratio in rows():
-        print(f"{what:80} {own:10.3g} s {peer:10.3g} s {ratio:8.3g}x")
+    for what, own, other, ratio in rows():
+        print(f"{what:80} {own:10.3g} s {other:10.3g} s {ratio:8.3g}x")

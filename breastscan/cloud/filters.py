@@ -7,14 +7,22 @@ them.
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import KDTree
 
 from breastscan.geometry.compiled import kernel
+from breastscan.geometry.point_tree import (
+    apart,
+    nearest,
+    point_tree,
+    require_points,
+    squared_distance,
+)
 
 NEIGHBOURS = 15
 """Neighbourhood that the paper settles on [Zhang, Fig. 10]."""
-CUBES = 16
-"""Along the cloud's longest side, each of whose points are looked at together."""
+SAMPLING_LEAF = 64
+"""Points that uniform sampling looks at together: some 100 each sample stands for."""
+MOST_CELLS = 2**20
+"""From the origin along an axis: three such numbers are told by one."""
 
 
 def statistical_inliers(
@@ -24,26 +32,37 @@ def statistical_inliers(
     mean [Zhang, Eq. 12].
 
     Points lying unusually close together are dropped as well as lonely ones, as the paper has it.
+
+    Raises:
+        ValueError: No more points than `k`, or one that is not finite.
     """
-    if alpha <= 0:
+    require_points(points)
+    if not alpha > 0:
         raise ValueError(f"alpha must be positive, got {alpha}")
     if not 0 < k < len(points):
         raise ValueError(
             f"k must be from 1 to one less than the number of points, {len(points)}, got {k}"
         )
-    distances, _ = KDTree(points).query(points, k=k + 1)  # the nearest point is the point itself
-    mean_distance = distances[:, 1:].mean(axis=1)
+    mean_distance = _mean_distances(point_tree(points), k)
     return np.abs(mean_distance - mean_distance.mean()) <= alpha * mean_distance.std()
 
 
 def grid_sample(points: Float[np.ndarray, "n 3"], cell: float) -> Int[np.ndarray, "m"]:
     """Indices of one point in each occupied cube of edge `cell` [m]: the one nearest to the mean
     of its points.
+
+    Raises:
+        ValueError: No points, one that is not finite, or cubes too small for them.
     """
-    if cell <= 0:
+    require_points(points)
+    if not cell > 0:
         raise ValueError(f"cell must be a positive length [m], got {cell}")
-    _, cube = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True)
-    cube = cube.reshape(-1)
+    if not np.abs(points).max() < MOST_CELLS * cell:
+        raise ValueError(
+            f"cell must be more than 1 / {MOST_CELLS} of the cloud's coordinates [m], got {cell}"
+        )
+    x, y, z = np.floor(points / cell).astype(np.int64).T + MOST_CELLS
+    _, cube = np.unique((x * 2 * MOST_CELLS + y) * 2 * MOST_CELLS + z, return_inverse=True)
     counts = np.bincount(cube)
     means = np.stack(
         [np.bincount(cube, weights=points[:, axis]) / counts for axis in range(3)], axis=-1
@@ -55,16 +74,19 @@ def grid_sample(points: Float[np.ndarray, "n 3"], cell: float) -> Int[np.ndarray
 
 def uniform_sample(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "count"]:
     """Indices of `count` points, each the farthest from those before it, beginning at the one
-    farthest from the mean.
+    farthest from the mean; of equally far ones the first.
 
-    Even, and fond of edges: the paper's choice.
+    Even, and fond of edges: the paper's choice. No index comes twice: where fewer places are
+    distinct than points are wanted, the rest are the first of the points left.
+
+    Raises:
+        ValueError: Fewer points than `count`, or one that is not finite.
     """
+    require_points(points)
     _check_count(points, count)
-    chosen = np.empty(count, np.int64)
-    chosen[0] = np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1))
-    order, starts = _blocks(points)
-    _farthest_points(points[order], order, starts, chosen)
-    return chosen
+    chosen = _farthest_points(point_tree(points, SAMPLING_LEAF), points.mean(axis=0), count)
+    left = np.setdiff1d(np.arange(len(points)), chosen) if len(chosen) < count else chosen[:0]
+    return np.append(chosen, left[: count - len(chosen)])
 
 
 def geometric_sample(
@@ -81,8 +103,18 @@ def geometric_sample(
         variation: Surface variation of each point, as `normals.surface_variation` has it.
         count: Number of points to keep.
         seed: Of the draw. The chance of a point grows with its variation; the flattest keep some.
+
+    Raises:
+        ValueError: Fewer points than `count`, one that is not finite, or variations that cannot
+            be weights.
     """
+    require_points(points)
     _check_count(points, count)
+    wrong = np.sum(~((variation >= 0) & (variation < np.inf)))
+    if wrong:
+        raise ValueError(
+            f"variations must be finite and not negative, {wrong} of {len(variation)} are not"
+        )
     weights = variation + variation.mean() + np.finfo(float).tiny
     rng = np.random.default_rng(seed)
     return np.sort(rng.choice(len(points), count, replace=False, p=weights / weights.sum()))
@@ -95,69 +127,73 @@ def _check_count(points: Float[np.ndarray, "n 3"], count: int) -> None:
         )
 
 
-def _blocks(
-    points: Float[np.ndarray, "n 3"],
-) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "b1"]]:
-    """An order in which the points of one cube follow one another, and where each cube's begin and
-    the last's end.
-    """
-    edge = np.ptp(points, axis=0).max() / CUBES
-    cube = np.floor((points - points.min(axis=0)) / (edge or 1.0)) @ (CUBES + 1.0) ** np.arange(3)
-    order = np.argsort(cube, kind="stable")
-    starts = np.flatnonzero(np.diff(cube[order], prepend=-1.0))
-    return order, np.append(starts, len(points))
+@kernel
+def _mean_distances(tree, k):
+    """Of each of the given points from its k nearest others [m]."""
+    squared, found = np.empty(k + 1), np.empty(k + 1, np.int64)
+    means = np.empty(tree.order.size)
+    for i in range(means.size):
+        nearest(tree, tree.points[i], squared, found)  # the point itself among them, at 0
+        means[tree.order[i]] = np.sqrt(squared).sum() / k
+    return means
 
 
 @kernel
-def _apart(low, high, p):
-    """Square of the distance of a point from a box."""
-    total = 0.0
-    for axis in range(3):
-        gap = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
-        total += gap * gap
-    return total
-
-
-@kernel
-def _chosen_too(points, first, end, p, squared):
-    """Take the point p among the chosen for the points from `first` to `end`, and give the number
-    of the one that is then farthest from all chosen.
+def _farthest_below(tree, node, p, squared):
+    """Take a place among the chosen for a node's points, and give the one that is then farthest
+    from all chosen; of equally far ones the one given first.
     """
-    farthest = first
-    for k in range(first, end):
-        dx = points[k, 0] - p[0]
-        dy = points[k, 1] - p[1]
-        dz = points[k, 2] - p[2]
-        squared[k] = min(squared[k], dx * dx + dy * dy + dz * dz)
-        if squared[k] > squared[farthest]:
-            farthest = k
+    farthest, most = tree.first[node], -1.0
+    for i in range(tree.first[node], tree.end[node]):
+        distance = min(squared[i], squared_distance(tree, i, p))
+        squared[i] = distance
+        if distance > most or (distance == most and tree.order[i] < tree.order[farthest]):
+            farthest, most = i, distance
     return farthest
 
 
 @kernel
-def _farthest_points(points, order, starts, chosen):
-    """Fill `chosen` after its first, of points in that `order`.
+def _farther_child(tree, node, farthest, greatest):
+    """The same from those of its children."""
+    left, right = 2 * node, 2 * node + 1
+    if greatest[left] == greatest[right]:
+        comes_first = tree.order[farthest[left]] < tree.order[farthest[right]]
+        return farthest[left] if comes_first else farthest[right]
+    return farthest[left] if greatest[left] > greatest[right] else farthest[right]
 
-    A cube is looked into only if its box lies nearer to the last choice than its farthest point to
+
+@kernel
+def _farthest_points(tree, mean, count):
+    """As many of the given points as there are places for, at most `count`.
+
+    A node is looked into only if its box lies nearer to the last choice than its farthest point to
     all choices before.
     """
-    cubes = starts.size - 1
-    low, high = np.empty((cubes, 3)), np.empty((cubes, 3))
-    for c in range(cubes):
-        for axis in range(3):
-            low[c, axis] = points[starts[c] : starts[c + 1], axis].min()
-            high[c, axis] = points[starts[c] : starts[c + 1], axis].max()
-    squared, greatest = np.full(order.size, np.inf), np.full(cubes, np.inf)
-    farthest = starts[:-1].copy()
-    last = points[np.argmax(order == chosen[0])]
-    for i in range(1, chosen.size):
-        best = 0
-        for c in range(cubes):
-            if _apart(low[c], high[c], last) < greatest[c]:
-                farthest[c] = _chosen_too(points, starts[c], starts[c + 1], last, squared)
-                greatest[c] = squared[farthest[c]]
-            comes_first = order[farthest[c]] < order[farthest[best]]
-            if greatest[c] > greatest[best] or (greatest[c] == greatest[best] and comes_first):
-                best = c
-        chosen[i] = order[farthest[best]]
-        last = points[farthest[best]]
+    leaves = tree.first.size // 2
+    squared, greatest = np.full(tree.order.size, np.inf), np.full(2 * leaves, np.inf)
+    farthest, nodes = np.empty(2 * leaves, np.int64), np.ones(2 * leaves, np.int64)
+    chosen = np.empty(count, np.int64)
+    last = _farthest_below(tree, 1, mean, squared)
+    squared[:] = np.inf
+    for i in range(count):
+        if greatest[1] == 0.0:
+            return chosen[:i]
+        chosen[i] = tree.order[last]
+        p = tree.points[last]
+        found, seen = 1, 0
+        while seen < found:
+            child = 2 * nodes[seen]
+            seen += 1
+            for node in range(child, min(child + 2, 2 * leaves)):  # none of a leaf
+                if apart(tree, node, p) < greatest[node]:
+                    nodes[found] = node
+                    found += 1
+        for k in range(found - 1, -1, -1):  # children before their parents
+            node = nodes[k]
+            if node < leaves:
+                best = _farther_child(tree, node, farthest, greatest)
+            else:
+                best = _farthest_below(tree, node, p, squared)
+            farthest[node], greatest[node] = best, squared[best]
+        last = farthest[1]
+    return chosen

@@ -30,6 +30,18 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(8)
 """Quadrature of arc length on a knot span, nodes in [-1, 1]."""
 SUBDIVISIONS = 4
 """Pieces of a knot span for the same quadrature: the speed along a span is not a polynomial."""
+LENGTH_ERROR = 1e-10
+"""Of the whole, by which a piece's length and its halves' may differ; else it is halved."""
+ROUNDING = 1e-14
+"""Of coordinates, which sums of their differences may differ by."""
+CORNER_STEPS = 32
+"""Pieces of a knot span in which the slowest place, dC/du at its least, is looked for."""
+CORNER_WIDTH = 1 / 8
+"""Of a span, within which the curve turns at most where that is called a corner."""
+STILL = 1e-150
+"""Length of dC/du that stands for none, so that what is divided by it stays finite."""
+HALVINGS = 50
+"""Of the distance to a corner: then rounding is reached."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,14 +174,66 @@ class Nurbs:
         return np.linalg.norm(across, axis=-1) / speed_squared
 
     @cached_property
+    def corners(self) -> Float[np.ndarray, "k"]:
+        """Parameters of the places where C' all but vanishes, and ever closer to them: there the
+        curve turns within little of u and less of its length.
+        """
+        steps = np.linspace(0.0, 1.0, CORNER_STEPS, endpoint=False)
+        u = np.append((self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * steps).ravel(), 1.0)
+        span = np.repeat(np.diff(self.breaks), CORNER_STEPS)
+        rise, width = self._turning(u)
+        near = np.minimum(width[:-1], width[1:]) < 2.0 * CORNER_WIDTH * span
+        lowest = near & (rise[:-1] <= 0.0) & (rise[1:] >= 0.0)
+        low, high = u[:-1][lowest], u[1:][lowest]
+        for _ in range(HALVINGS if low.size else 0):
+            middle = (low + high) / 2.0
+            falls = self._turning(middle)[0] < 0.0
+            low, high = np.where(falls, middle, low), np.where(falls, high, middle)
+        at = np.concatenate([[0.0, 1.0], high])
+        span = np.concatenate([span[[0, -1]], span[lowest]])
+        width = self._turning(at)[1]
+        sharp = width < CORNER_WIDTH * span
+        away = span[sharp, None] * np.append(0.5 ** np.arange(1.0, HALVINGS), 0.0)
+        away[4.0 * away < width[sharp, None]] = 0.0
+        at = at[sharp, None]
+        return np.unique(np.clip([at - away, at + away], 0.0, 1.0))
+
+    def _turning(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """C'.C'', and over how much of u the curve turns, |C'| / |C''|."""
+        _, first, second = self.derivatives(u, 2)
+        change = np.maximum(np.linalg.norm(second, axis=-1), STILL)
+        return np.sum(first * second, axis=-1), np.linalg.norm(first, axis=-1) / change
+
+    @cached_property
     def _length_table(self) -> tuple[np.ndarray, np.ndarray]:
         """Parameters from 0 to 1 and the arc length up to each."""
         steps = np.linspace(0.0, 1.0, SUBDIVISIONS, endpoint=False)
         u = np.append((self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * steps).ravel(), 1.0)
+        if self.corners.size:
+            u = np.union1d(u, self.corners)
+        lengths = self._piece_lengths(u)
+        rounding = ROUNDING * np.abs(self.control_points).max()
+        for _ in range(HALVINGS):
+            middle = (u[:-1] + u[1:]) / 2.0
+            halves = self._piece_lengths(np.sort(np.append(u, middle))).reshape(-1, 2).sum(axis=1)
+            wrong = np.abs(halves - lengths) > LENGTH_ERROR * lengths.sum() + rounding
+            if not wrong.any():
+                break
+            u = np.sort(np.append(u, middle[wrong]))
+            lengths = self._piece_lengths(u)
+        return u, np.append(0.0, np.cumsum(lengths))
+
+    def _piece_lengths(self, u: np.ndarray) -> np.ndarray:
+        """Arc length from each parameter to the next [m]."""
         half = np.diff(u) / 2.0
         nodes = u[:-1, None] + half[:, None] * (1.0 + GAUSS_NODES)
         speed = np.linalg.norm(self.evaluate(np.minimum(nodes, 1.0), 1), axis=-1)
-        return u, np.append(0.0, np.cumsum(half * (speed @ GAUSS_WEIGHTS)))
+        return half * (speed @ GAUSS_WEIGHTS)
+
+    @property
+    def smooth_pieces(self) -> Float[np.ndarray, "k"]:
+        """Parameters from 0 to 1, close to each other where C' changes much within little of u."""
+        return self._length_table[0]
 
     @property
     def length(self) -> float:
@@ -189,9 +253,12 @@ class Nurbs:
         """Parameters at arc lengths from the start [m], by Newton's method on `arc_length`."""
         table_u, table_s = self._length_table
         u = np.interp(s, table_s, table_u)
+        piece = np.clip(np.searchsorted(table_s, s, side="right") - 1, 0, len(table_u) - 2)
+        low, high = table_u[piece], table_u[piece + 1]
         for _ in range(4):
-            speed = np.linalg.norm(self.evaluate(u, 1), axis=-1)
-            u = np.clip(u - (self.arc_length(u) - s) / speed, 0.0, 1.0)
+            # at a corner the curve may all but stand still, and Newton's step goes anywhere
+            speed = np.maximum(np.linalg.norm(self.evaluate(u, 1), axis=-1), STILL)
+            u = np.clip(u - (self.arc_length(u) - s) / speed, low, high)
         return u
 
     def with_weights(self, weights: Float[np.ndarray, "n"]) -> "Nurbs":

@@ -1,35 +1,40 @@
 """Feedrate interpolation: a point of the curve for every control period, from rest to rest [Zhang,
 Eqs. 23-31].
 
-The speed along the curve is planned first, over the whole length, under limits on speed,
-acceleration, jerk, normal acceleration and chord error. Then one step a period finds the parameter
-whose chord from the last point has the planned length.
+The speed along the curve is planned first, over the whole length (`planning.speed_profile`), under
+limits on speed, acceleration, jerk, normal acceleration and chord error. Then one step a period
+finds the parameter whose chord from the last point has the planned length.
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, no_type_check
+from typing import Literal
 
-import numba
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import PPoly
-from scipy.ndimage import minimum_filter1d
 
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
+from breastscan.geometry.compiled import kernel
 from breastscan.geometry.nurbs import Nurbs
+from breastscan.planning.speed_profile import fastest_lengths, sample_limit
 
-LOOK_AHEAD_STEPS = 4096
-"""Pieces of the curve, equal in length, on which its speed is planned."""
 SLOW_FRACTION = 0.01
 """Fraction of the top speed below which the fluctuation is not counted: there rounding of the
 coordinates shows."""
-END_PASSES = 8
+END_PASSES = 30
 """How often the steps are scaled to end on the curve's end, at most: each pass leaves about a
-thousandth."""
+thousandth, of a few coarse steps more."""
 END_TOLERANCE = 1e-13
 """Where that stops, as a fraction of the curve."""
+END_ERROR = 1e-6
+"""What may be left then, where the coordinates' rounding does not let it come closer."""
+NEWTON_STEPS = 12
+"""On a chord's length at most; but for the sharpest corners one does."""
+CLOSE = 1e-3
+"""Of a step: what less is left before a Newton step, that takes to its square."""
+UNSEEN = 1e-14
+"""Step, as a fraction of the curve, that may drown in the rounding of the parameter."""
 
 Step = Literal["taylor1", "taylor2", "newton"]
 
@@ -112,12 +117,13 @@ def interpolate(curve: Nurbs, limits: FeedrateLimits, period: float) -> Feed:
         rounded up to whole periods, by going a little slower.
 
     Raises:
-        PlanningError: The period is not positive, or the curve is too short to be walked in steps
-            of it.
+        PlanningError: The period is not positive, the curve turns back on itself or is too short to
+            be walked in steps of it, or the limits would make it too many.
     """
     if not period > 0.0:
         raise PlanningError(f"the control period must be positive, got {period} s", period)
-    s = _planned_lengths(curve, limits, period)
+    limit = sample_limit(curve, lambda curvature: speed_limit(curvature, limits, period), period)
+    s = fastest_lengths(limit, limits.acceleration, limits.jerk, period)
     u, steps = _end_to_end(curve, np.diff(s), limits.step)
     positions = curve.evaluate(u)
     return Feed(
@@ -141,59 +147,11 @@ def speed_limit(
         limits: What the motion keeps to.
         period: Control period T_s [s].
     """
-    h = limits.chord_error
     rho = 1.0 / np.maximum(curvature, 1e-9)
-    chord_speed = 2.0 / period * np.sqrt(rho**2 - np.maximum(rho - h, 0.0) ** 2)
+    h = np.minimum(limits.chord_error, rho)
+    chord_speed = 2.0 / period * np.sqrt(h * (2.0 * rho - h))  # rho^2 - (rho - h)^2, without loss
     normal_speed = np.sqrt(rho * limits.normal_acceleration)
     return np.minimum(np.minimum(chord_speed, normal_speed), limits.speed)
-
-
-def _planned_lengths(curve: Nurbs, limits: FeedrateLimits, period: float) -> np.ndarray:
-    """Length along the curve at every period [m].
-
-    An acceleration-limited motion, averaged over a sliding window of time, changes its acceleration
-    by 2a over the window at most, so a window of 2a / jerk keeps the jerk limit. The average lags
-    within the window, hence the speed limits are first widened along the curve by the distance that
-    a window takes.
-    """
-    window = max(2.0 * limits.acceleration / limits.jerk, period)
-    grid = np.linspace(0.0, curve.length, LOOK_AHEAD_STEPS + 1)
-    limit = speed_limit(curve.curvature(curve.parameter(grid)), limits, period)
-    reach = math.ceil(limits.speed * window / grid[1])
-    limit = minimum_filter1d(limit, 2 * min(reach, LOOK_AHEAD_STEPS) + 1, mode="nearest")
-    speed = _look_ahead(grid, limit, limits.acceleration)
-    return _averaged_lengths(grid, speed, window, period)
-
-
-def _look_ahead(s: np.ndarray, limit: np.ndarray, acceleration: float) -> np.ndarray:
-    """Greatest speed from rest to rest under `limit` and the acceleration, forwards and
-    backwards.
-    """
-    squared = limit**2
-    squared[[0, -1]] = 0.0
-    gain = 2.0 * acceleration * s
-    forwards = np.minimum.accumulate(squared - gain) + gain
-    backwards = np.minimum.accumulate((squared + gain)[::-1])[::-1] - gain
-    return np.sqrt(np.maximum(np.minimum(forwards, backwards), 0.0))
-
-
-def _averaged_lengths(s: np.ndarray, speed: np.ndarray, window: float, period: float) -> np.ndarray:
-    """Length at every period of the motion with `speed` at lengths `s`, averaged over `window`
-    [s].
-    """
-    durations = 2.0 * np.diff(s) / (speed[:-1] + speed[1:])
-    t = np.append(0.0, np.cumsum(durations))
-    length = PPoly(np.stack([np.diff(speed) / durations, speed[:-1]]), t).antiderivative()
-    area = length.antiderivative()
-
-    def area_until(time: np.ndarray) -> np.ndarray:
-        return area(np.clip(time, 0.0, t[-1])) + s[-1] * np.maximum(time - t[-1], 0.0)
-
-    periods = math.ceil((t[-1] + window) / period)
-    time = np.linspace(0.0, t[-1] + window, periods + 1)
-    averaged = (area_until(time) - area_until(time - window)) / window
-    averaged[[0, -1]] = s[[0, -1]]
-    return averaged
 
 
 def _end_to_end(curve: Nurbs, steps: np.ndarray, step: Step) -> tuple[np.ndarray, np.ndarray]:
@@ -212,13 +170,15 @@ def _end_to_end(curve: Nurbs, steps: np.ndarray, step: Step) -> tuple[np.ndarray
         if abs(u[-1] - 1.0) < END_TOLERANCE:
             break
         scale += (1.0 - u[-1]) * end_speed / curve.length
-    u[-1] = 1.0
-    if not (np.diff(u) > 0.0).all():
+    moves = (np.diff(u) > 0.0) | ((np.diff(u) == 0.0) & (steps < UNSEEN * curve.length))
+    if not (abs(u[-1] - 1.0) < END_ERROR and moves.all()):
         raise PlanningError(
             f"the curve of {curve.length * 1e3:.3g} mm cannot be walked in {len(steps)} steps: it "
-            "stands still or doubles back on itself somewhere, so use fewer or other points",
+            "stands still or doubles back on itself somewhere, so use fewer or other points; or it "
+            "is too short, or the limits of planning.feedrate too wide for its period",
             curve.length,
         )
+    u /= u[-1]  # the last steps may be smaller than what is left
     return u, scale * steps
 
 
@@ -230,8 +190,7 @@ def _chord_error(curve: Nurbs, u: np.ndarray, positions: np.ndarray) -> float:
     return float(np.linalg.norm(offset - along[:, None] * chords, axis=1).max())
 
 
-@numba.njit(cache=True)
-@no_type_check  # keeps the tests' run-time type checker from wrapping what numba compiles
+@kernel
 def _march(breaks, polynomials, steps, second_order, newton):
     """Parameters whose chords have the lengths `steps` [Zhang, Eq. 29, corrected].
 
@@ -247,16 +206,20 @@ def _march(breaks, polynomials, steps, second_order, newton):
         change = steps[i] / math.sqrt(squared)
         if second_order:
             change -= steps[i] ** 2 * np.sum(here[1] * here[2]) / (2.0 * squared**2)
-        if newton:
+        for _ in range(NEWTON_STEPS if newton else 0):
             _evaluate(breaks, polynomials, u[i] + change, span, there)
             chord = there[0] - here[0]
-            change -= (np.sum(chord**2) - steps[i] ** 2) / (2.0 * np.sum(chord * there[1]))
+            excess = (np.sum(chord**2) - steps[i] ** 2) / (2.0 * np.sum(chord * there[1]))
+            if not abs(excess) < np.inf:
+                break  # a step that drowns in the rounding of the coordinates
+            change = max(change - excess, change / 4.0)  # forwards, whatever a corner does to it
+            if abs(excess) < CLOSE * change:
+                break
         u[i + 1] = u[i] + change
     return u
 
 
-@numba.njit(cache=True)
-@no_type_check
+@kernel
 def _evaluate(breaks, polynomials, u, span, out):
     """C, C' and C'' at u into `out`, and the span of u, sought from `span` on."""
     while span < len(breaks) - 2 and u >= breaks[span + 1]:

@@ -76,8 +76,85 @@ def test_uniform_sampling_is_farthest_point_sampling(points):
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     for _ in range(19):
         gap = np.linalg.norm(points[:, None] - points[chosen], axis=-1).min(axis=1)
+        gap[chosen] = -1.0  # none is chosen twice, in whichever place it lies
         chosen.append(int(np.argmax(gap)))
     assert uniform_sample(points, 20).tolist() == chosen
+
+
+@pytest.mark.parametrize("shape", ["surface", "volume", "lattice", "line", "a far point"])
+def test_uniform_sampling_of_a_large_cloud_is_farthest_point_sampling(shape):
+    points = large_cloud(shape)
+    squared = ((points - points.mean(axis=0)) ** 2).sum(axis=1)
+    expected = [int(np.argmax(squared))]
+    squared[:] = np.inf
+    for _ in range(299):
+        squared = np.minimum(squared, ((points - points[expected[-1]]) ** 2).sum(axis=1))
+        expected.append(int(np.argmax(squared)))
+    assert uniform_sample(points, 300).tolist() == expected
+
+
+def large_cloud(shape: str) -> np.ndarray:
+    rng = np.random.default_rng(7)
+    points = rng.uniform(-0.1, 0.1, (20_000, 3))
+    if shape == "surface":
+        points[:, 2] = 0.5 - 0.05 * np.exp(-(points[:, 0] ** 2 + points[:, 1] ** 2) / 0.05**2)
+    if shape == "lattice":
+        points = np.round(points / 8e-3)  # several in one place, many equally far
+    if shape == "line":
+        points[:, 1:] = 0.3
+    if shape == "a far point":
+        points[11] = 1e9
+    return points
+
+
+def test_uniform_sampling_gives_every_place_before_any_comes_twice():
+    places = np.random.default_rng(3).normal(0, 1, (50, 3))
+    points = places[np.random.default_rng(4).permutation(np.repeat(np.arange(50), 40))]
+    kept = uniform_sample(points, 300)
+    assert len(np.unique(points[kept[:50]], axis=0)) == 50
+    assert len(set(kept.tolist())) == 300
+    assert (np.diff(kept[50:]) > 0).all()
+
+
+def test_two_hundred_thousand_points_in_one_place_are_all_alike():
+    points = np.full((200_000, 3), 0.37)
+    assert statistical_inliers(points).all()
+    assert uniform_sample(points, 2000).tolist() == list(range(2000))
+    assert grid_sample(points, 1e-3).tolist() == [0]
+    variation = surface_variation(points)
+    np.testing.assert_array_equal(variation, 0.0)
+    assert len(set(geometric_sample(points, variation, 2000).tolist())) == 2000
+
+
+EVERY = [
+    statistical_inliers,
+    lambda p: grid_sample(p, 5e-3),
+    lambda p: uniform_sample(p, 5),
+    lambda p: geometric_sample(p, np.ones(len(p)), 5),
+]
+
+
+@pytest.mark.parametrize("call", EVERY)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e200])
+def test_coordinates_that_are_not_finite_are_told_with_their_number_and_place(call, value):
+    points = plate(100)
+    points[[17, 40], 1] = value
+    with pytest.raises(ValueError, match="finite, 2 of 100 points are not, the first is point 17"):
+        call(points)
+
+
+@pytest.mark.parametrize("call", EVERY)
+def test_a_cloud_without_points_is_refused(call):
+    with pytest.raises(ValueError, match="1 point or more, got 0"):
+        call(np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -1.0])
+def test_variations_that_are_no_weights_are_refused(wrong):
+    variation = np.ones(10)
+    variation[3] = wrong
+    with pytest.raises(ValueError, match="not negative, 1 of 10 are not"):
+        geometric_sample(plate(10), variation, 5)
 
 
 def test_uniform_sampling_spaces_points_evenly_and_reaches_the_corners():
@@ -119,6 +196,9 @@ def test_samples_are_distinct_points_of_the_cloud(seed, count):
         lambda p: statistical_inliers(p, alpha=0.0),
         lambda p: statistical_inliers(p, k=10),
         lambda p: grid_sample(p, 0.0),
+        lambda p: grid_sample(p, np.nan),
+        lambda p: grid_sample(p, 1e-30),
+        lambda p: statistical_inliers(p, alpha=np.nan),
         lambda p: uniform_sample(p, 11),
         lambda p: uniform_sample(p, 0),
         lambda p: geometric_sample(p, np.ones(10), 11),

@@ -1,3 +1,5 @@
+import itertools
+
 import geomdl.NURBS
 import numpy as np
 import pytest
@@ -5,9 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import make_interp_spline
+from scipy.optimize import minimize_scalar
 
 from breastscan.errors import PlanningError
 from breastscan.geometry.nurbs import Nurbs
+from breastscan.geometry.nurbs_system import homogeneous_spline
 
 BORDER = 1.0 - 1e-15
 U = np.linspace(0.0, 1.0, 401)
@@ -219,3 +223,61 @@ def test_parameters_that_are_all_but_equal_are_refused():
     parameters[1] = 1e-320
     with pytest.raises(PlanningError, match="all but equal"):
         Nurbs.interpolate(wavy_loop(), parameters=parameters)
+
+
+def cubic(*vertices: tuple[float, float], weights: tuple[float, ...] = (1, 1, 1, 1)) -> Nurbs:
+    """One span of four vertices."""
+    knots = np.repeat([0.0, 1.0], 4)
+    return Nurbs(
+        spline=homogeneous_spline(np.array(vertices, float), np.array(weights), knots, False),
+        closed=False,
+    )
+
+
+@pytest.mark.parametrize("off", [0.1, 1e-3, 1e-5, 1e-9, 0.0])
+def test_the_length_of_a_curve_with_a_corner_is_scipys(off):
+    """It all but stands still half-way."""
+    curve = cubic((0, 0), (1 + off, 1), (0, 1), (1, 0))
+
+    def speed(u: float) -> float:
+        return float(np.linalg.norm(curve.evaluate(u, 1)))
+
+    found = minimize_scalar(speed, bounds=(0.4, 0.6), method="bounded", options={"xatol": 1e-12})
+    slowest = float(found.x)
+    parts = np.unique(np.clip(slowest + np.outer([-1, 1], 0.6 * 0.5 ** np.arange(40)), 0, 1))
+    pieces = [quad(speed, a, b, epsabs=1e-15)[0] for a, b in itertools.pairwise(parts)]
+    assert curve.length == pytest.approx(sum(pieces), abs=1e-11)
+    np.testing.assert_allclose(curve.arc_length(parts)[1:], np.cumsum(pieces), atol=1e-11)
+
+
+@pytest.mark.parametrize("weight", [1e-4, 1e2, 1e4])
+def test_the_length_of_a_heavily_weighted_curve_is_its_chords(weight):
+    curve = cubic((0, 0), (0, 1), (1, 1), (1, 0), weights=(1, weight, 1, 1))
+    close = np.append(0.0, np.geomspace(1e-9, 0.5, 400_001))
+    u = np.append(close, 1 - close[-2::-1])
+    chords = np.linalg.norm(np.diff(curve.evaluate(u), axis=0), axis=1)
+    assert curve.length == pytest.approx(chords.sum(), rel=1e-8)
+
+
+@pytest.mark.parametrize("off", [0.1, 1e-3, 1e-6])
+def test_the_parameters_at_lengths_are_found_around_a_corner(off):
+    curve = cubic((0, 0), (1 + off, 1), (0, 1), (1, 0))
+    s = np.linspace(0, curve.length, 1001)
+    u = curve.parameter(s)
+    assert (np.diff(u) > 0).all()
+    np.testing.assert_allclose(curve.arc_length(u), s, atol=1e-7)
+
+
+@pytest.mark.parametrize("off", [1e-2, 1e-6, 0.0])
+def test_where_the_curve_all_but_stands_still_is_a_corner(off):
+    curve = cubic((0, 0), (1 + off, 1), (0, 1), (1, 0))
+    u = np.linspace(0, 1, 200_001)
+    slowest = u[np.argmin(np.linalg.norm(curve.evaluate(u, 1), axis=1))]
+    assert np.abs(curve.corners - slowest).min() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "curve", [Nurbs.interpolate(wavy_loop()), cubic((0, 0), (0.3, 0.5), (0.7, 0.5), (1, 0))]
+)
+def test_a_smooth_curve_has_no_corner(curve):
+    assert not curve.corners.size
