@@ -40,6 +40,8 @@ OFF_AXIS = np.radians(30.0)
 robot scans faces its base from straight above or below."""
 FACING = 0.5
 """Cosine of the angle between a surface and a line of sight, from which on it is seen by it [-]."""
+ROBOT_B = np.array([0.0, 0.0, 1.0])
+"""Where a robot reaches from, about [m]: over its base, which stands beside the body or over it."""
 TURNED = "The file's normals point inwards: turned."
 
 
@@ -98,17 +100,37 @@ def breast_of(cloud: CleanCloud) -> tuple[CloudBreast, CleanCloud]:
         PerceptionError: As `breast_in` does.
     """
     try:
-        return breast_in(cloud.points_B, cloud.normals_B), cloud
+        breast = breast_in(cloud.points_B, cloud.normals_B)
+        if cloud.oriented.is_told:
+            return breast, cloud
     except PerceptionError as error:
         if cloud.oriented.is_told and outwards.bulge(cloud.points_B, cloud.normals_B) > 0:
             raise
-        turned = cloud.turned
+        told = (TURNED,) if cloud.oriented.is_told else ()
+        cloud = replace(cloud.turned, told=(*cloud.told, *told))
         try:
-            breast = breast_in(turned.points_B, turned.normals_B)
+            breast = breast_in(cloud.points_B, cloud.normals_B)
         except PerceptionError:
             raise error from None
-    told = (TURNED,) if cloud.oriented.is_told else ()
-    return breast, replace(turned, told=(*cloud.told, *told))
+    _require_towards_robot(breast, cloud)
+    return breast, cloud
+
+
+def _require_towards_robot(breast: CloudBreast, cloud: CleanCloud) -> None:
+    """Refuse a breast that faces away from the robot where no normals of the file say so: it may be
+    a hollow, seen from inside of the body.
+
+    Raises:
+        PerceptionError: It does.
+    """
+    normal_B, middle_B = breast.chest.normal, cloud.points_B[breast.skin].mean(axis=0)
+    if normal_B @ (ROBOT_B - middle_B) < 0:
+        raise PerceptionError(
+            f"what bulges like a breast faces {np.round(normal_B, 1).tolist()} in B, away from the "
+            "robot, and may be a hollow: give normals that point outwards, or the cloud in the "
+            "base's frame if it is not",
+            normal_B,
+        )
 
 
 def _told(oriented: Oriented, given: bool, points: int) -> list[str]:

@@ -28,6 +28,8 @@ FACES = Delaunay(DRAWN.along).simplices
 BEFORE_CAMERA = clouds.cloud(X_BS=clouds.tilted(np.pi, at=(0.02, 0.05, 0.5)), count=COUNT)
 """In the frame of a camera half a metre over it."""
 
+HOLLOW = clouds.cloud(heights=lambda u, v: -clouds.bump(u, v), count=COUNT)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
@@ -135,6 +137,12 @@ KINDS = {
         cloud=points(1e3 * BEFORE_CAMERA.points_B, None), refused="transformed by X_BL"
     ),
     "a whole body's surface": Kind(cloud=solid, refused="leave the side of the body out"),
+    "a hollow in a chest": Kind(
+        cloud=points(HOLLOW.points_B, HOLLOW.normals_B), refused="may be a hollow"
+    ),
+    "a hollow in a chest without normals": Kind(
+        cloud=points(HOLLOW.points_B, None), refused="may be a hollow"
+    ),
     "a few points": Kind(cloud=points(DRAWN.points_B[:50], None), refused="got 50: give a denser"),
     "nothing but NaN": Kind(cloud=points(np.full((500, 3), np.nan), None), refused="got 0"),
     "a mesh of faces without area": Kind(
