@@ -152,7 +152,7 @@ def _sampled(cloud: PointFile) -> tuple[np.ndarray, np.ndarray | None]:
     """The points of a cloud, or of a mesh's faces, evenly spread."""
     if cloud.triangles is None:
         return cloud.points, cloud.normals
-    whole = np.isfinite(cloud.points).all(axis=1)[cloud.triangles].all(axis=1)
+    whole = np.isfinite(cloud.points[cloud.triangles]).all(axis=(1, 2))
     mesh = trimesh.Trimesh(cloud.points, cloud.triangles[whole], process=False)
     if not mesh.area > 0:
         raise PerceptionError(

@@ -51,12 +51,12 @@ def on_surface(
     """
     thin = grid_sample(points, CELL)
     kept = _linked_and_over(points[thin], normals[thin])
-    return kept[KDTree(points[thin]).query(points)[1]]
+    return kept[np.asarray(KDTree(points[thin]).query(points)[1])]
 
 
 def _linked_and_over(p: np.ndarray, n: np.ndarray) -> np.ndarray:
     k = min(NEIGHBOURS, len(p) - 1)
-    length, neighbour = (found[:, 1:] for found in KDTree(p).query(p, k=k + 1))
+    length, neighbour = (np.asarray(found)[:, 1:] for found in KDTree(p).query(p, k=k + 1))
     apart = length[:, min(AROUND, k) - 1]
     step = p[neighbour] - p[:, None]
     height = np.abs(np.einsum("nkj,nj->nk", step, n))

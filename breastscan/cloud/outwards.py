@@ -100,7 +100,7 @@ def _of_one_sign(
     thin = grid_sample(points, CELL)
     p, n = points[thin], surface[thin]
     k = min(NEIGHBOURS, len(p) - 1)
-    neighbour = KDTree(p).query(p, k=k + 1)[1][:, 1:]
+    neighbour = np.asarray(KDTree(p).query(p, k=k + 1)[1])[:, 1:]
     i, j = np.repeat(np.arange(len(p)), k), neighbour.ravel()
     angle = 1.0 + LEAST_ANGLE - np.abs(np.sum(n[i] * n[j], axis=1))
     # either end may be the other's neighbour; an edge told twice would count double

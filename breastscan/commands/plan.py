@@ -22,6 +22,7 @@ from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
+from breastscan.geometry.tool_hulls import tool_hulls
 from breastscan.planning import fitting, motion, pattern
 from breastscan.planning.clearance import Body, Clearance
 from breastscan.planning.fitting import Task
@@ -88,8 +89,8 @@ def plan(
         calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of
             ur_calibration. Without it the tip may be millimetres off.
         cell: File of the robot's cell, as a scan leaves it: the tool's and the room's hulls, which
-            are kept clear of, the probe's place and the arm's kinematics. Without it the arm keeps
-            clear of itself and of the body in the cloud.
+            are kept clear of, the probe's place and the arm's kinematics. Without it the arm and a
+            hand-held probe on a bar to its tip keep clear of the arm and of the body in the cloud.
         plate_height: Height of a level chest plate in B [m], for a cloud; without it heights count
             from the chest that the cloud shows around the breast.
         planning: Every setting of it.
@@ -178,7 +179,7 @@ def _arm(
         if calibration is not None:
             arm = calibration_file.load(calibration)
         X_FP = se3.from_rotation_vector(np.array(tcp[3:], float), np.array(tcp[:3], float))
-        return X_FP, Clearance(arm=arm), arm
+        return X_FP, Clearance(tool_hulls(X_FP), arm=arm), arm
     if tcp != TWIN_TCP or calibration is not None:
         raise ConfigError(
             f"{cell} says where the probe's tip is and what the arm's kinematics are: leave tcp "

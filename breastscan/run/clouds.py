@@ -157,7 +157,7 @@ def _mesh(source: Path) -> PointFile:
     points, triangles = [np.zeros((0, 3))], [np.zeros((0, 3), int)]
     first = 0
     for part in scene.dump():
-        points.append(np.asarray(part.vertices, float))
+        points.append(np.asarray(getattr(part, "vertices", points[0]), float))
         triangles.append(first + np.asarray(getattr(part, "faces", triangles[0])))
         first += len(points[-1])
     faces = np.concatenate(triangles)

@@ -65,7 +65,7 @@ def _rows_of(columns: bytes, dtype: list[tuple], points: int) -> bytes:
 
 
 def _decompressed(body: bytes) -> bytes:
-    """What LZF packed, two lengths before it [Lehmann, LibLZF]."""
+    """What LZF packed, two lengths before it [Lehmann]."""
     if len(body) < 8:
         raise ValueError("it ends before its compressed points")
     packed, whole = np.frombuffer(body, "<u4", 2).tolist()

@@ -1,5 +1,5 @@
 """PLY files in all their forms: ASCII, or binary in either order of bytes; elements in any order,
-with properties in any order, lists among them. [Turk, The PLY Polygon File Format, 1994]
+with properties in any order, lists among them. [Turk]
 """
 
 import re
