@@ -2,17 +2,16 @@
 
 from pathlib import Path
 
-from breastscan.cloud.cloud_breast import breast_in
+from breastscan.cloud.cleaned import breast_of, cleaned
 from breastscan.cloud.skin_fit import fit_cloud
 from breastscan.planning.pattern import PatternConfig, half_height_loop
-from breastscan.run.reading import read_cloud
+from breastscan.run.clouds import read_cloud
 from breastscan.run.writing import write_path
 
 RUN = Path("out/scan")
 
-points_B, normals_B = read_cloud(RUN / "cloud.ply")
-breast = breast_in(points_B, normals_B)
-skin = fit_cloud(points_B[breast.skin], normals_B[breast.skin], breast.chest)
+breast, cloud = breast_of(cleaned(read_cloud(RUN / "cloud.ply")))
+skin = fit_cloud(cloud.points_B[breast.skin], cloud.normals_B[breast.skin], breast.chest)
 path = half_height_loop(skin, breast.chest, PatternConfig(points=15))
 
 write_path(Path("loop.csv"), path.points_B, path.normals_B)

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import tyro
+from rich.markup import escape
 
 from breastscan.cell import Cell
 from breastscan.cloud import skin_fit
-from breastscan.cloud.cloud_breast import breast_in, breast_over
+from breastscan.cloud.cleaned import breast_of, cleaned
+from breastscan.cloud.cloud_breast import breast_over
+from breastscan.cloud.filters import grid_sample
 from breastscan.cloud.segment import LOWEST
 from breastscan.commands.console import Out, console
 from breastscan.errors import ConfigError, PlanningError
@@ -19,6 +22,7 @@ from breastscan.geometry import calibration_file, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
+from breastscan.geometry.tool_hulls import tool_hulls
 from breastscan.planning import fitting, motion, pattern
 from breastscan.planning.clearance import Body, Clearance
 from breastscan.planning.fitting import Task
@@ -29,7 +33,8 @@ from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.ur import program
 from breastscan.robot.ur.ur5e import PERIOD
 from breastscan.run import writing
-from breastscan.run.reading import read_cloud, read_path
+from breastscan.run.clouds import is_path, read_cloud
+from breastscan.run.reading import read_path
 from breastscan.scan import PlanningConfig
 from breastscan.tissue.drag import TissueConfig
 
@@ -49,6 +54,9 @@ TOP_SEEN = 0.07
 """Angle around the top over which skin must be seen [rad]: 4 mm on a breast 55 mm high."""
 TOP_AZIMUTHS = 12
 """In which that is looked for."""
+BODY_STEP = 3e-3
+"""Edge of the cubes of which one point each of the body is kept clear of [m], as a scan samples
+it."""
 TWIN_TCP = (0.0989949, 0.0, 0.1589949, 0.0, 0.7853982, 0.0)
 """Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: the twin's, 200 mm of
 tool bent by 45 degrees."""
@@ -72,8 +80,8 @@ def plan(
     """Plan a scan of points on disk, as a trajectory that a UR controller runs.
 
     Args:
-        source: A cloud in the robot's base frame (PLY with normals), or a closed path (CSV: x_m y_m
-            z_m nx ny nz).
+        source: A cloud or a mesh of the skin in the robot's base frame (PLY, PCD, XYZ, TXT, PTS,
+            CSV, OBJ, STL, GLB), or a closed path (CSV: x_m y_m z_m nx ny nz).
         out: Folder for path.csv, trajectory.csv, trajectory.json and config.json.
         urscript: Whether to write path.script as well, a program for the controller.
         tcp: Probe tip in the flange as a UR pose, x y z [m] and rotation vector [rad]: z out of
@@ -81,8 +89,8 @@ def plan(
         calibration: The arm's own kinematics: the controller's calibration.conf, or the YAML of
             ur_calibration. Without it the tip may be millimetres off.
         cell: File of the robot's cell, as a scan leaves it: the tool's and the room's hulls, which
-            are kept clear of, the probe's place and the arm's kinematics. Without it the arm keeps
-            clear of itself and of the body in the cloud.
+            are kept clear of, the probe's place and the arm's kinematics. Without it the arm and a
+            hand-held probe on a bar to its tip keep clear of the arm and of the body in the cloud.
         plate_height: Height of a level chest plate in B [m], for a cloud; without it heights count
             from the chest that the cloud shows around the breast.
         planning: Every setting of it.
@@ -91,8 +99,8 @@ def plan(
         ConfigError: The source or the cell cannot be read, settings are given that the source or
             the cell leaves no use for, or `out` cannot be written.
         CalibrationError: The kinematic calibration is not one.
-        PerceptionError: A cloud has hardly any points, no breast or several, or no chest that its
-            heights can count from.
+        PerceptionError: A cloud has hardly any points, is in another unit or frame than B's, or has
+            no breast, several, or no chest that its heights can count from.
         PlanningError: The path crosses skin that was not seen, or the arm cannot follow it.
     """
     _require_used(source, plate_height, planning)
@@ -105,13 +113,13 @@ def plan(
         clearance=clearance,
         calibration=arm,
     )
-    if _is_path(source):
-        counted_from = ""
+    if is_path(source):
+        told = ()
         given = _path(source)
         fitted = fitting.fit(lambda rise: given, [0.0], task)
     else:
         cloud = _Cloud.read(source, plate_height)
-        counted_from = BY_RIM if cloud.by_rim else ""
+        told = cloud.told
         task = replace(task, clearance=clearance.of(cloud.body))
         fitted = fitting.fit(lambda rise: cloud.loop(planning.pattern, rise), planning.rises, task)
     path, planned = fitted.path, fitted.motion
@@ -130,14 +138,10 @@ def plan(
         writing.write_settings(folder, {**settings, "urscript": urscript, "planning": planning})
     _tell(planned, planning.joints, out)
     hidden = motion.hidden_speed(path, planned, fitted.feed, planning.feedrate, PERIOD)
-    for told in (counted_from, fitted.told, hidden):
-        if told:
-            console.print(f"[yellow]{told}[/]", soft_wrap=True)
+    for line in (*told, fitted.told, hidden):
+        if line:
+            console.print(f"[yellow]{escape(line)}[/]", soft_wrap=True)
     return planned
-
-
-def _is_path(source: Path) -> bool:
-    return source.suffix.lower() == ".csv"
 
 
 def _require_used(source: Path, plate_height: float | None, planning: PlanningConfig) -> None:
@@ -157,7 +161,7 @@ def _require_used(source: Path, plate_height: float | None, planning: PlanningCo
         or planning.largest_rise != PlanningConfig().largest_rise
         or any(getattr(joints, name) != getattr(usual, name) for name in OF_A_CLOUD)
     )
-    if _is_path(source) and for_cloud:
+    if is_path(source) and for_cloud:
         raise ConfigError(
             "plate_height, planning.pattern, planning.largest_rise and planning.joints."
             f"{', '.join(OF_A_CLOUD)} lay a path on a cloud and keep it clear of the body there: "
@@ -175,7 +179,7 @@ def _arm(
         if calibration is not None:
             arm = calibration_file.load(calibration)
         X_FP = se3.from_rotation_vector(np.array(tcp[3:], float), np.array(tcp[:3], float))
-        return X_FP, Clearance(arm=arm), arm
+        return X_FP, Clearance(tool_hulls(X_FP), arm=arm), arm
     if tcp != TWIN_TCP or calibration is not None:
         raise ConfigError(
             f"{cell} says where the probe's tip is and what the arm's kinematics are: leave tcp "
@@ -237,22 +241,25 @@ class _Cloud:
     body: Body
     chest: Plane
     skin: Skin
-    by_rim: bool
+    told: tuple[str, ...]
+    """What a user must know of how they were found, a sentence each."""
 
     @staticmethod
     def read(source: Path, plate_height: float | None) -> "_Cloud":
         """A cloud's file, over its own chest or a level plate at this height."""
-        points_B, normals_B = read_cloud(source)
+        cloud = cleaned(read_cloud(source))
         if plate_height is None:
-            breast = breast_in(points_B, normals_B)
+            breast, cloud = breast_of(cloud)
         else:
             plate = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=plate_height)
-            breast = breast_over(points_B, plate)
-        skin = skin_fit.fit_cloud(points_B[breast.skin], normals_B[breast.skin], breast.chest)
+            breast = breast_over(cloud.points_B, plate)
+        points_B = cloud.points_B
+        skin = skin_fit.fit_cloud(points_B[breast.skin], cloud.normals_B[breast.skin], breast.chest)
         _require_top_seen(skin, breast.chest)
-        above = breast.chest.heights(points_B) > LOWEST
-        body = Body(skin_B=points_B[above], chest=breast.chest)
-        return _Cloud(body=body, chest=breast.chest, skin=skin, by_rim=breast.by_rim)
+        above_B = points_B[breast.chest.heights(points_B) > LOWEST]
+        body = Body(skin_B=above_B[grid_sample(above_B, BODY_STEP)], chest=breast.chest)
+        told = (*cloud.told, BY_RIM) if breast.by_rim else cloud.told
+        return _Cloud(body=body, chest=breast.chest, skin=skin, told=told)
 
     def loop(self, config: PatternConfig, rise: float) -> SkinPath:
         """The half-height loop on it, so much higher [m]."""

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import polars
 from jaxtyping import Float, UInt8
-from trimesh.exchange.ply import load_ply
 
 from breastscan.errors import ConfigError, PlanningError
+from breastscan.run.clouds import read_cloud
 from breastscan.run.columns import PATH, names
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 
@@ -70,7 +70,7 @@ class Run:
             left=_read_image(folder / "left.png"),
             right=_read_image(folder / "right.png"),
             disparity=_read_image(folder / "disparity.png"),
-            cloud_B=read_cloud(folder / "cloud.ply")[0],
+            cloud_B=read_cloud(folder / "cloud.ply").points,
             path_B=points_B,
             normals_B=normals_B,
             trajectory=Trajectory.load(folder / LOG_FILE),
@@ -144,37 +144,9 @@ def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
     return points_B, normals_B / lengths[:, None]
 
 
-def read_cloud(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Points [m] and unit normals of a PLY file.
-
-    Raises:
-        ConfigError: The file is missing, is no PLY, or has no normals.
-    """
-    _require_file(source)
-    try:
-        with source.open("rb") as stream:
-            content = load_ply(stream)
-    except (ValueError, KeyError, IndexError) as error:
-        raise ConfigError(
-            f"{source} is not a PLY file ({error}): expected a cloud with normals in B", source
-        ) from error
-    vertices = content["metadata"]["_ply_raw"]["vertex"]["data"]
-    names = vertices.dtype.names or ()
-    if len(vertices) == 0 or not {"x", "y", "z", "nx", "ny", "nz"} <= set(names):
-        raise ConfigError(
-            f"{source} holds no points with normals (x y z nx ny nz), but {', '.join(names)}",
-            source,
-        )
-    values = np.stack(
-        [np.asarray(vertices[name], float) for name in ("x", "y", "z", "nx", "ny", "nz")], axis=1
-    )
-    points, normals = np.hsplit(values[np.isfinite(values).all(axis=1)], 2)
-    return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
 def _require_file(source: Path) -> None:
     if not source.is_file():
         raise ConfigError(
-            f"no file at {source}: expected a cloud (PLY) or a path (CSV), as a scan leaves them",
+            f"no file at {source}: expected a path (CSV), as a scan leaves it",
             source,
         )

@@ -5,7 +5,7 @@ import numpy as np
 import polars as pl
 import pytest
 import trimesh
-from scipy.spatial import KDTree
+from scipy.spatial import ConvexHull, KDTree
 
 from breastscan.commands import plan
 from breastscan.errors import BreastScanError, CalibrationError, ConfigError, PlanningError
@@ -13,7 +13,7 @@ from breastscan.geometry import kinematics, se3
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.pattern import PatternConfig
 from breastscan.run import writing
-from breastscan.run.reading import read_cloud, read_path
+from breastscan.run.reading import read_path
 from breastscan.scan import PlanningConfig
 from sim.wrist.probe import tip_pose
 from tests.cloud import clouds
@@ -176,10 +176,58 @@ def test_too_few_or_repeated_points_are_refused(tmp_path, points):
         plan.plan(tmp_path / "path.csv", tmp_path / "out")
 
 
-def test_a_cloud_without_normals_is_refused(tmp_path):
-    (tmp_path / "cloud.ply").write_bytes(trimesh.PointCloud(dome()[0]).export(file_type="ply"))
-    with pytest.raises(ConfigError, match="no points with normals"):
-        read_cloud(tmp_path / "cloud.ply")
+def ring_off_mm(folder) -> float:
+    """How far the path in a plan's folder is from the dome's half-height ring, at most."""
+    across_B = read_path(folder / "path.csv")[0] - CENTRE_B - [0.0, 0.0, HEIGHT / 2]
+    off = np.hypot(np.linalg.norm(across_B[:, :2], axis=1) - RADIUS * np.sqrt(0.75), across_B[:, 2])
+    return 1e3 * float(off.max())
+
+
+def dome_mesh_mm(folder):
+    points, _ = dome()
+    faces = ConvexHull(points).simplices
+    open_ones = np.ptp(points[faces], axis=1).max(axis=1) < 0.02  # not across the foot
+    trimesh.Trimesh(1e3 * points, faces[open_ones], process=False).export(folder / "dome.stl")
+    return folder / "dome.stl"
+
+
+def dome_text(folder):
+    far = CENTRE_B + np.array([[0.0, 0.0, HEIGHT + 0.01]]) + 1e-3 * np.eye(3)
+    np.savetxt(folder / "dome.xyz", np.vstack([dome()[0], far, np.zeros((50, 3))]))
+    return folder / "dome.xyz"
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        (dome_mesh_mm, ["taken as millimetres"]),
+        (dome_text, ["50 of 4053 points are (0, 0, 0)", "3 of 4003 points lie off", "no normals"]),
+    ],
+)
+def test_meshes_and_clouds_of_points_alone_are_planned_on_and_told(tmp_path, capsys, source, told):
+    plan.plan(source(tmp_path), tmp_path / "out")
+    assert ring_off_mm(tmp_path / "out") < 0.5
+    printed = capsys.readouterr().out
+    assert [words for words in told if words not in printed] == []
+
+
+def test_a_plate_that_is_given_needs_no_normals(tmp_path):
+    plan.plan(dome_text(tmp_path), tmp_path / "out", plate_height=CENTRE_B[2])
+    assert ring_off_mm(tmp_path / "out") < 0.5
+
+
+@pytest.mark.parametrize("name", ["cloud.las", "half.ply", "empty.xyz", "folder.ply", "camera.xyz"])
+def test_what_cannot_be_planned_on_leaves_earlier_results_whole(tmp_path, cloud, name):
+    plan.plan(cloud, tmp_path / "out")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    (tmp_path / "folder.ply").mkdir()
+    (tmp_path / "cloud.las").write_bytes(b"LASF")
+    (tmp_path / "half.ply").write_bytes(cloud.read_bytes()[:9999])
+    (tmp_path / "empty.xyz").write_bytes(b"")
+    np.savetxt(tmp_path / "camera.xyz", [0.0, 0.0, 0.5] - (dome()[0] - CENTRE_B))
+    with pytest.raises(BreastScanError, match=r"expected|save it|give it"):
+        plan.plan(tmp_path / name, tmp_path / "out")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
 @pytest.mark.parametrize("name", ["cloud.ply", "path.csv"])
