@@ -64,7 +64,7 @@ def _row_under(robot: Robot, motion: Motion, near: int) -> int:
 
 def go_above(robot: Robot, motion: Motion, beside: Place | None, start: int) -> int:
     """Bring the probe clear of the skin above the row at which contact is to be made, or above one
-    from which the path leads there; which one.
+    from which its stroke leads there; which one.
 
     Args:
         robot: The twin or the real arm.
@@ -78,7 +78,7 @@ def go_above(robot: Robot, motion: Motion, beside: Place | None, start: int) -> 
     if beside is not None and (start > 0 or beside.touching):
         transfer(robot, beside.q_lifted)  # up the normal
         way = float(motion.s[start] - motion.s[beside.row])
-        if way > HOP_LENGTH:
+        if way > HOP_LENGTH and motion.stroke_of(beside.row) == motion.stroke_of(start):
             return beside.row
         hops = math.ceil(abs(way) / HOP_LENGTH)
         for row in np.linspace(beside.row, start, hops + 1).round().astype(int)[1:].tolist():
@@ -87,8 +87,19 @@ def go_above(robot: Robot, motion: Motion, beside: Place | None, start: int) -> 
     if np.abs(robot.state().q - _lifted(robot, motion, start)).max() < NEAR:
         transfer(robot, _lifted(robot, motion, start))
         return start
-    transfer(robot, motion.q_approach)
-    return 0
+    first = motion.starts[motion.stroke_of(start)]
+    transfer(robot, _lifted(robot, motion, first) if first else motion.q_approach)
+    return first
+
+
+def leave(robot: Robot, motion: Motion, stroke: int, q_park: Float[np.ndarray, "6"]) -> None:
+    """After a stroke, park if no straight way leads to the next.
+
+    Raises:
+        RobotError: The robot refused.
+    """
+    if stroke in motion.detours:
+        transfer(robot, q_park)
 
 
 def transfer(robot: Robot, q: Float[np.ndarray, "6"]) -> None:

@@ -95,7 +95,7 @@ def execute(
         log.append(_resumption(robot, start))
 
     def follow(section: PathSection, first_row: int, told: Callable[[float], None]) -> None:
-        """A part of the plan, from clear of the skin above one of its rows."""
+        """A part of a stroke, from clear of the skin above one of its rows."""
         robot.tare()
         _Cycle(StandingRobot(robot), motion, section, config, limits, [], first_row).rehearse()
         cycle = _Cycle(robot, motion, section, config, limits, log, first_row)
@@ -106,13 +106,21 @@ def execute(
             raise cycle.error
 
     place = approach.place(robot, motion)
-    q_park = place.q_lifted if place is not None and place.touching else robot.state().q
-    above = approach.go_above(robot, motion, place, start)
-    if above < start:
-        to_start = PathSection(start, start, in_air=True, clearance=motion.clearance)
-        follow(to_start, above, lambda fraction: None)
-    follow(PathSection(len(motion.q) - 1, start, in_air, motion.clearance), start, progress)
-    approach.transfer(robot, q_park if q_home is None else q_home)
+    if q_home is not None:
+        q_park = q_home
+    else:
+        q_park = place.q_lifted if place is not None and place.touching else robot.state().q
+    for stroke in range(motion.stroke_of(start), len(motion.starts)):
+        first = max(start, motion.starts[stroke])
+        above = approach.go_above(robot, motion, place, first)
+        if above < first:
+            to_start = PathSection(first, first, in_air=True, clearance=motion.clearance)
+            follow(to_start, above, lambda fraction: None)
+        section = PathSection(motion.lasts[stroke], first, in_air, motion.clearance)
+        follow(section, first, progress)
+        place = None
+        approach.leave(robot, motion, stroke, q_park)
+    approach.transfer(robot, q_park)
     return log
 
 
@@ -192,7 +200,7 @@ class _Cycle:
             try:
                 check_interrupt()
                 if periods % PROGRESS_EVERY == 0:
-                    progress(self._progress.row / self.section.last)
+                    progress(self._progress.row / (len(self.motion.q) - 1))
                 self.cycle(pause())
             except (Exception, KeyboardInterrupt) as error:
                 # something keeps the retreat itself from running

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import execution, scan_log, skin_view
+from breastscan import examination, execution, scan_log, skin_view
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
 from breastscan.checks import require_positive
@@ -25,12 +25,14 @@ from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, NoBreastError, PlanningError
+from breastscan.examination import Coverage
 from breastscan.geometry import se3
 from breastscan.geometry.skin import Skin
 from breastscan.planning import fitting, motion, pattern
 from breastscan.planning.clearance import Body
-from breastscan.planning.feedrate import Feed, FeedrateLimits
-from breastscan.planning.fitting import Task
+from breastscan.planning.coverage import CoverageConfig, Patch
+from breastscan.planning.feedrate import FeedrateLimits
+from breastscan.planning.fitting import Fitted, Task
 from breastscan.planning.joint_limits import Corrections, JointPathConfig
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path as SkinPath
@@ -45,6 +47,7 @@ from breastscan.run.writing import (
     write_path,
     write_settings,
 )
+from breastscan.tissue import drag
 from breastscan.tissue.drag import PressedBreast, TissueConfig
 from breastscan.vision import refine, stereo, triangulation
 from breastscan.vision.camera import RectifiedPair, StereoRig
@@ -54,8 +57,10 @@ from breastscan.vision.refine import RefineConfig
 from breastscan.vision.refining.photometric import FitConfig
 from breastscan.vision.stereo import StereoConfig
 
-HIGHEST_RISE = 0.05
+USUAL_RISE = 0.006
 """Of a loop that gives way [m]."""
+HIGHEST_RISE = 0.05
+"""The most that may be asked for [m]."""
 RISES = 4
 """Heights that are tried, the one that is asked for among them."""
 SAME_PLAN = 1e-6
@@ -86,9 +91,10 @@ class PlanningConfig:
     """How points on the skin become a motion of the arm."""
 
     pattern: PatternConfig = field(default_factory=PatternConfig)
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
     feedrate: FeedrateLimits = field(default_factory=FeedrateLimits)
     joints: JointPathConfig = field(default_factory=JointPathConfig)
-    largest_rise: float = 0.006
+    largest_rise: float = USUAL_RISE
     """How much higher the loop may lie where the arm cannot follow it otherwise [m]."""
     tissue: TissueConfig = field(default_factory=TissueConfig)
 
@@ -98,6 +104,26 @@ class PlanningConfig:
                 f"planning.largest_rise must lie between 0 and {HIGHEST_RISE} m, not "
                 f"{self.largest_rise}",
                 self.largest_rise,
+            )
+
+    def require_used(self) -> None:
+        """Refuse settings of another pattern than the scan's.
+
+        Raises:
+            ConfigError: One of them was changed.
+        """
+        usual = PatternConfig(kind=self.pattern.kind)
+        if self.pattern.kind == "loop" and self.coverage != CoverageConfig():
+            raise ConfigError(
+                "planning.coverage lays strokes that cover the breast: give --pattern loops, or "
+                "another but loop, or leave it out",
+                self.coverage,
+            )
+        if self.pattern.kind != "loop" and (self.pattern, self.largest_rise) != (usual, USUAL_RISE):
+            raise ConfigError(
+                "planning.pattern.points, height_fraction and smallest_radius and "
+                f"planning.largest_rise are a single loop's: leave them out for {usual.kind}",
+                self.pattern,
             )
 
     @property
@@ -169,15 +195,41 @@ class ScanPlan:
     """The down-sampled cloud [m]."""
     normals_B: Float[np.ndarray, "n 3"]
     """Its outward unit normals."""
-    path: SkinPath
-    feed: Feed
+    strokes: tuple[Fitted, ...]
+    """What is done on the skin, one after the other."""
     motion: Motion
-    rise: float
-    """How much higher the path lies than it was asked for, so that the arm can follow it [m]."""
-    gave_way: str | None
-    """What to tell of that and of a probe that leans; None where neither is."""
+    """All of them."""
+    coverage: Coverage | None
+    """What they are to cover together; None for a single loop."""
     hidden_speed: str | None
-    """What to tell of a top speed that other limits hide; None where some point has it."""
+    """What to tell of a top speed that other limits hide; None where some point of the longest
+    stroke has it."""
+
+    @property
+    def path(self) -> SkinPath:
+        """That of the first stroke: of a single loop, the loop."""
+        return self.strokes[0].path
+
+    @property
+    def points_of_strokes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Points of all strokes in B [m], normals, and of several strokes each point's, from 1."""
+        paths = [stroke.path for stroke in self.strokes]
+        numbers = [np.full(len(path.points_B), k) for k, path in enumerate(paths, 1)]
+        return (
+            np.concatenate([path.points_B for path in paths]),
+            np.concatenate([path.normals_B for path in paths]),
+            np.concatenate(numbers) if len(paths) > 1 else None,
+        )
+
+    @property
+    def gave_way(self) -> str | None:
+        """What to tell of strokes that moved up the skin or of a probe that leans; None where
+        neither is.
+        """
+        told = [stroke.told for stroke in self.strokes if stroke.told]
+        if len(self.strokes) > 1 and told:
+            return f"Of {len(self.strokes)} strokes {len(told)} gave way. {told[-1]}"
+        return told[0] if told else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +268,7 @@ class ScanResult:
         write_image(folder / "right.png", self.images.right)
         write_image(folder / "disparity.png", disparity_picture(self.reconstruction.disparity))
         write_cloud(folder / "cloud.ply", self.plan.points_B, self.plan.normals_B)
-        write_path(folder / "path.csv", self.plan.path.points_B, self.plan.path.normals_B)
+        write_path(folder / "path.csv", *self.plan.points_of_strokes)
         self.trajectory.save(folder / LOG_FILE, seed=seed)
 
 
@@ -300,11 +352,13 @@ def scan(
         in_air: Whether to travel the path at its clearance, without contact.
 
     Raises:
+        ConfigError: Settings of another pattern than the scan's were changed.
         PerceptionError: No breast was found in the images.
         PlanningError: The path cannot be followed by the arm, or left along the probe's axis.
         SafetyError: A limit was passed in contact; the probe was retreated.
         RobotError: The robot refused, or met no skin.
     """
+    config.planning.require_used()
     stages = stages or Stages()
     with stages.stage("capture"):
         images = camera.capture()
@@ -328,7 +382,8 @@ def scan(
             q_home=None if cut_off is None else cut_off.q_home,
         )
     trajectory = scan_log.trajectory(log, plan.motion, robot)
-    wall, fluctuation = stages.wall_s["execution"], plan.feed.fluctuation_pct
+    wall = stages.wall_s["execution"]
+    fluctuation = max(stroke.feed.fluctuation_pct for stroke in plan.strokes)
     return ScanResult(
         config=config,
         cell=cell,
@@ -426,49 +481,67 @@ def plan_scan(
     X_BL = cell.rig.X_BL
     assert X_BL is not None, "a cell's rig has its place in the base"
     planning = config.planning
+    points_B = se3.transform(X_BL, reconstruction.sampled_L)
+    skin = reconstruction.skin.seen_from(X_BL)
+    plate = reconstruction.breast.plate.seen_from(X_BL)
+    task = Task(
+        X_FP=robot.X_FP,
+        period=robot.period,
+        limits=planning.feedrate,
+        config=planning.joints,
+        clearance=cell.clearance.of(Body(skin_B=points_B, chest=plate)),
+        corrections=config.corrections,
+        calibration=robot.calibration,
+    )
+    coverage = None
     with stages.stage("path"):
-        points_B = se3.transform(X_BL, reconstruction.sampled_L)
-        normals_B = se3.rotate(X_BL, reconstruction.normals_L)
-        skin = reconstruction.skin.seen_from(X_BL)
-        plate = reconstruction.breast.plate.seen_from(X_BL)
         loop = pattern.half_height_loop(skin, plate, planning.pattern)
+        if planning.pattern.kind != "loop":
+            patch = Patch(*drag.patch(config.contact.force, skin, planning.tissue))
+            coverage = Coverage.planned(
+                skin, plate, planning.pattern.kind, planning.coverage, patch, task
+            )
+            task = coverage.held(task)
     with stages.stage("drag"):
         tissue = PressedBreast.perceived(points_B, plate, planning.tissue)
 
-    def loop_at(rise: float) -> SkinPath:
-        """The loop, so much higher [m], along the normals of the places to press for it."""
-        higher = pattern.half_height_loop(skin, plate, planning.pattern, rise) if rise else loop
-        places_B = tissue.places(
-            higher.points_B, higher.normals_B, plate.normal, config.contact.force
-        )
-        return pattern.pressed_at(higher, skin, places_B)
+    def pressed(path: SkinPath) -> SkinPath:
+        """A path along the normals of the places to press for it."""
+        places_B = tissue.places(path.points_B, path.normals_B, plate.normal, config.contact.force)
+        return pattern.pressed_at(path, skin, places_B)
 
-    with stages.stage("motion"):
-        task = Task(
-            X_FP=robot.X_FP,
-            period=robot.period,
-            limits=planning.feedrate,
-            config=planning.joints,
-            clearance=cell.clearance.of(Body(skin_B=points_B, chest=plate)),
-            corrections=config.corrections,
-            calibration=robot.calibration,
-        )
-        fitted = fitting.fit(loop_at, planning.rises, task)
-        planned = fitted.motion
+    def loop_at(rise: float) -> SkinPath:
+        """The loop, so much higher [m]."""
+        higher = pattern.half_height_loop(skin, plate, planning.pattern, rise) if rise else loop
+        return pressed(higher)
+
+    strokes: list[Fitted] = []
+    with stages.stage("motion") as progress:
+        if coverage is None:
+            strokes = [fitting.fit(loop_at, planning.rises, task)]
+        else:
+            strokes = coverage.fitted(pressed, task, progress)
+        longest = max(strokes, key=lambda stroke: float(stroke.motion.s[-1]))
         hidden = motion.hidden_speed(
-            fitted.path, planned, fitted.feed, planning.feedrate, robot.period
+            longest.path, longest.motion, longest.feed, planning.feedrate, robot.period
         )
     with stages.stage("drag"):
-        X_BP = robot.calibration.forward(planned.q) @ robot.X_FP
-        drag_B = tissue.along_path(X_BP, planned.s)
-        planned = replace(planned, drag_B=drag_B, chest_normal_B=plate.normal)
+        planned = [
+            replace(
+                stroke.motion,
+                drag_B=tissue.along_path(
+                    robot.calibration.forward(stroke.motion.q) @ robot.X_FP, stroke.motion.s
+                ),
+                chest_normal_B=plate.normal,
+            )
+            for stroke in strokes
+        ]
+        whole = motion.joined(planned, planning.joints.reachable_angles)
     return ScanPlan(
         points_B=points_B,
-        normals_B=normals_B,
-        path=fitted.path,
-        feed=fitted.feed,
-        motion=planned,
-        rise=fitted.rise,
+        normals_B=se3.rotate(X_BL, reconstruction.normals_L),
+        strokes=tuple(strokes),
+        motion=replace(whole, detours=examination.detours(whole, task)),
+        coverage=coverage,
         hidden_speed=hidden,
-        gave_way=fitted.told,
     )

@@ -13,7 +13,7 @@ with Twin(SceneConfig(), seed=0) as twin:
     result = twin.measured(result)
 
 print(f"reconstructed points: {len(result.plan.points_B)}")
-print(f"loop: {1e3 * result.plan.feed.s[-1]:.0f} mm in {result.metrics['scan_time_s']:.1f} s")
+print(f"loop: {1e3 * result.plan.motion.s[-1]:.0f} mm in {result.metrics['scan_time_s']:.1f} s")
 print(f"whole chain's error: {result.metrics['executed_truth_rms_mm']:.2f} mm RMS")
 print(f"force: {result.trajectory.pressing_force[result.trajectory.in_loop].mean():.2f} N")
 

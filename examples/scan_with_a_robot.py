@@ -23,7 +23,7 @@ def main(host: str) -> None:
         camera = open_camera("folder:out/scan")
         result = scan(robot, camera, cell, SHORT_LOOP, in_air=True)
 
-    length_mm, log = 1e3 * result.plan.feed.s[-1], result.trajectory
+    length_mm, log = 1e3 * result.plan.motion.s[-1], result.trajectory
     print(f"{length_mm:.0f} mm in the air, {log.elapsed[-1]:.1f} s, touched: {log.contact.any()}")
 
 

@@ -4,7 +4,7 @@ every other.
 Reads what a scan made and what the twin logged; nothing here flows back into the scan.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,9 +99,12 @@ def _box_of(
     return slice(sides[0, 0], sides[1, 0]), slice(sides[0, 1], sides[1, 1])
 
 
-def path_metrics(path: Path, X_BS: Float[np.ndarray, "4 4"], truth: Truth) -> dict[str, float]:
-    """The planned curve against the true skin."""
-    points_B = path.curve.evaluate(np.linspace(0.0, 1.0, PATH_SAMPLES))
+def path_metrics(
+    paths: Sequence[Path], X_BS: Float[np.ndarray, "4 4"], truth: Truth
+) -> dict[str, float]:
+    """The planned curves against the true skin."""
+    u = np.linspace(0.0, 1.0, PATH_SAMPLES // len(paths))
+    points_B = np.concatenate([path.curve.evaluate(u) for path in paths])
     return {
         "path_surface_rmse_mm": rms(
             truth.distance(se3.transform(se3.inverse(X_BS), points_B)) * 1e3
@@ -187,18 +190,20 @@ def execution_metrics(
     places: ContactPlaces,
     X_BS: Float[np.ndarray, "4 4"],
     truth: Truth,
-    height_fraction: float,
+    height_fraction: float | None,
 ) -> dict[str, object]:
     """The whole chain: touched points of the undeformed skin minus the true loop at the height that
-    was asked for, in B.
+    was asked for, in B, and how the probe stood.
     """
+    tilt: dict[str, object] = {"normal_tilt_mean_deg": float(np.degrees(places.tilt.mean()))}
+    if height_fraction is None:
+        return tilt
     nearest_S = nearest_on_loop(places.p_S, truth.level_loop(height_fraction))
     error_mm = se3.rotate(X_BS, places.p_S - nearest_S) * 1e3
     return {
         "executed_truth_mean_abs_mm": np.abs(error_mm).mean(axis=0).tolist(),
         "executed_truth_rms_mm": rms(np.linalg.norm(error_mm, axis=1)),
-        "normal_tilt_mean_deg": float(np.degrees(places.tilt.mean())),
-    }
+    } | tilt
 
 
 def nearest_on_loop(
@@ -221,8 +226,8 @@ def force_metrics(trajectory: Trajectory, set_point: float) -> dict[str, float]:
     """
     assert trajectory.true_force is not None, "`with_truth` comes first"
     assert trajectory.true_depth is not None, "`with_truth` comes first"
-    force, t = trajectory.true_force[trajectory.in_loop], trajectory.t[trajectory.in_loop]
-    steady = force[t - t[0] >= STEADY_AFTER]
+    force, loop = trajectory.true_force[trajectory.in_loop], trajectory.in_loop
+    steady = force[trajectory.time_on_stroke[loop] >= STEADY_AFTER]
     extremes = {}
     if steady.size > 0:
         extremes = {

@@ -16,12 +16,14 @@ from breastscan.scan import ScanConfig, ScanResult, Stages
 from breastscan.vision.camera import StereoRig
 from sim import error_analysis
 from sim.cameras.camera import SimStereoCamera
+from sim.coverage import Touched
 from sim.rig_errors import rig_errors
 from sim.robot import SimRobot
 from sim.room.body_gap import BodyGap
 from sim.room.cell import cell_of
 from sim.scene import Scene, SceneConfig
 from sim.tissue.mechanics import build_mechanics
+from sim.tissue.soft import SoftTissue
 from sim.truth import Truth
 
 
@@ -99,12 +101,20 @@ class Twin:
 
         The tissue is pressed again where the probe was, and then rests.
         """
-        trajectory, contact = self.contact_metrics(result.trajectory, result.config)
+        touched = None
+        if result.plan.coverage is not None and isinstance(self.tissue, SoftTissue):
+            ends = result.plan.motion.s[list(result.plan.motion.lasts)]
+            touched = Touched(self.scene.phantom, self.tissue, ends)
+        trajectory, contact = self.contact_metrics(result.trajectory, result.config, touched)
         metrics = self._perception_metrics(result) | result.metrics | contact
+        if touched is not None and result.plan.coverage is not None:
+            X_BS = self.scene.X_BS_at(result.images.time)
+            metrics |= touched.metrics(result.plan.coverage, X_BS)
+            metrics["examination_time_s"] = metrics["scan_time_s"]
         return replace(result, trajectory=trajectory, metrics=metrics)
 
     def contact_metrics(
-        self, trajectory: Trajectory, config: ScanConfig
+        self, trajectory: Trajectory, config: ScanConfig, touched: Touched | None = None
     ) -> tuple[Trajectory, dict[str, Any]]:
         """An execution by this twin, complete or ended early, held against the truth.
 
@@ -115,6 +125,7 @@ class Twin:
         Args:
             trajectory: What was done; of a scan that failed, `scan_log.trajectory` of its log.
             config: What it was done with.
+            touched: Is told every place that was pressed in contact.
 
         Returns:
             The trajectory with the true contact, and of the metrics (docs/data.md) those that can
@@ -122,14 +133,19 @@ class Twin:
         """
         log, gap = self.robot.truth_log(), BodyGap(self.scene)
 
+        on_loop = error_analysis.matching_rows(trajectory, log)
+        lengths = dict(zip(on_loop.tolist(), trajectory.s.tolist(), strict=True))
+
         def see(row: int, skin_S: Float[np.ndarray, "v 3"]) -> None:
             gap.add(log.q[row], float(log.rise[row]), skin_S)
+            if touched is not None and np.isfinite(lengths.get(row, np.nan)):
+                touched.add(lengths[row], log.X_SP[row])
 
         places, metrics = None, {}
         if trajectory.has_loop:  # else it was in the air
             places = error_analysis.contact_places(trajectory, log, self.tissue, self.truth, see)
             metrics = error_analysis.execution_metrics(
-                places, self.scene.X_BS, self.truth, config.planning.pattern.height_fraction
+                places, self.scene.X_BS, self.truth, config.planning.pattern.loop_height
             )
         trajectory = error_analysis.with_truth(trajectory, log, places)
         if places is not None:
@@ -153,7 +169,8 @@ class Twin:
         X_SL = se3.inverse(X_BS) @ rig.X_BL
         surface = error_analysis.surface_metrics(result.reconstruction, rig, X_SL, self.truth)
         calibration = {} if rig is scene.rig else rig_errors(rig, scene.rig)
-        path = error_analysis.path_metrics(result.plan.path, X_BS, self.truth)
+        paths = [stroke.path for stroke in result.plan.strokes]
+        path = error_analysis.path_metrics(paths, X_BS, self.truth)
         return surface | calibration | path
 
     def close(self) -> None:

@@ -19,7 +19,7 @@ from breastscan.control.settle_fit import POWER
 from breastscan.errors import PlanningError, RobotError, SafetyError
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
-from breastscan.planning.motion import Motion
+from breastscan.planning.motion import Motion, joined
 from breastscan.run.trajectory import Sample
 from breastscan.servo import Servo
 from tests.springs import PERIOD, X_FP, SpringRobot
@@ -255,6 +255,44 @@ def test_the_arm_parks_where_it_stood_or_where_it_is_told(motion):
     above_end = motion.lifted(len(motion.q) - 1, X_FP, KinematicCalibration.nominal())
     robot, _, _ = scan(motion, q_home=above_end)
     np.testing.assert_array_equal(robot.q, above_end)
+
+
+@pytest.mark.parametrize("detour", [False, True])
+def test_strokes_are_done_one_after_the_other_each_with_a_tare_and_a_touch_of_its_own(
+    motion, detour
+):
+    """To and fro over the same way; the arm parks in between only where it has to."""
+    back = replace(motion, q=motion.q[::-1].copy(), qd=-motion.qd[::-1])
+    both = joined([motion, back], np.full(6, 2 * np.pi))
+    both = replace(both, detours=(0,) if detour else ())
+    robot = SpringRobot(motion.q_approach, SKIN)
+    tared, freely, log = [], [], []
+    tare, move = robot.tare, robot.move_joint
+    robot.tare = lambda: (tared.append(robot.q.copy()), tare())
+    robot.move_joint = lambda q, *limits: (freely.append(np.array(q)), move(q, *limits))
+    execution.execute(robot, both, ContactConfig(), SafetyLimits(), log=log)
+    table = scan_log.trajectory(log, both, robot)
+    one = ["approach", "settle", "loop", "lift", "retreat"]
+    assert [phase for phase in phases_of(table) if phase != "travel"] == 2 * one
+    assert len(tared) == 2
+    heights = [(kinematics.forward(q) @ X_FP)[2, 3] for q in tared]
+    assert min(heights) > SKIN + 0.9 * CLEARANCE
+    assert sum(np.array_equal(q, motion.q_approach) for q in freely[1:-1]) == int(detour)
+    steady = table.time_on_stroke[table.in_loop] > 0.5
+    assert np.abs(table.pressing_force[table.in_loop][steady] - 5.0).max() < 0.3
+    assert table.s[table.in_loop][-1] == pytest.approx(2 * motion.s[-1], abs=1e-4)
+
+
+def test_a_scan_that_was_cut_off_in_its_second_stroke_goes_on_there(motion):
+    back = replace(motion, q=motion.q[::-1].copy(), qd=-motion.qd[::-1])
+    both = joined([motion, back], np.full(6, 2 * np.pi))
+    start = len(motion.q) + len(motion.q) // 2
+    robot, log = SpringRobot(motion.q_approach, SKIN), []
+    execution.execute(robot, both, ContactConfig(), SafetyLimits(), log=log, start=start)
+    table = scan_log.trajectory(log, both, robot)
+    done = table.s[table.in_loop]
+    assert done[0] == pytest.approx(both.s[start], abs=1e-4)
+    assert done[-1] == pytest.approx(both.s[-1], abs=1e-4)
 
 
 def test_a_path_in_the_air_never_touches(motion):

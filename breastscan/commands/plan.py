@@ -145,9 +145,16 @@ def plan(
 
 
 def _require_used(source: Path, plate_height: float | None, planning: PlanningConfig) -> None:
-    """Refuse settings that lay a path on a cloud, or keep it clear of one, for a given path, and
-    those of tissue, which no force presses here.
+    """Refuse settings that lay a path on a cloud, or keep it clear of one, for a given path, those
+    of tissue, which no force presses here, and strokes, between which a program would not lift.
     """
+    planning.require_used()
+    if planning.pattern.kind != "loop":
+        raise ConfigError(
+            f"a plan is a single path, and --pattern {planning.pattern.kind} has several strokes: "
+            "leave it out, or scan",
+            planning.pattern.kind,
+        )
     if planning.tissue != TissueConfig():
         raise ConfigError(
             "planning.tissue tells how skin moves that is pressed: a plan alone presses none, so "

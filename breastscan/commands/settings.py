@@ -45,6 +45,7 @@ EVERYDAY = (
     "contact.force",
     "contact.law",
     "planning.feedrate.speed",
+    "planning.pattern.kind",
     "planning.pattern.height_fraction",
     "planning.pattern.points",
     "perception.stereo.min_disparity",

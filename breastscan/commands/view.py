@@ -94,5 +94,5 @@ def view(
 
 def _loop(planned: ScanPlan) -> Float[np.ndarray, "n 3"]:
     """Some of the path's points in B [m]."""
-    points_B = planned.feed.positions
+    points_B = np.concatenate([stroke.feed.positions for stroke in planned.strokes])
     return points_B[:: max(len(points_B) // LOOP_POINTS, 1)]

@@ -26,6 +26,8 @@ margins themselves."""
 ELBOW_DOWN_COST = 1e3
 """Added at each pose with the elbow down, in the graph's unit of rad^2/s: any path with the elbow
 up costs less."""
+WAY_COST = 1e2
+"""Of the way from where the path is begun, in the graph's unit over its square [1/s]."""
 ROLL = "of another roll than joints.roll_tolerance allows"
 BODY = "nearer to the body than joints.body_margin with the probe or what holds it"
 LIFT = "unable to lift the probe by joints.clearance"
@@ -113,19 +115,25 @@ class Limits:
 class Candidates:
     """All rolls and branches of the poses at a path's nodes, and why each is barred."""
 
-    def __init__(self, X_BQ: Float[np.ndarray, "n 4 4"], limits: Limits) -> None:
+    def __init__(
+        self,
+        X_BQ: Float[np.ndarray, "n 4 4"],
+        limits: Limits,
+        q_before: Float[np.ndarray, "6"] | None = None,
+    ) -> None:
         """Hold them against `FIRST`.
 
         Args:
             X_BQ: Poses at roll 0.
             limits: What they must keep, with some reserve.
+            q_before: Joint angles that the path is begun from [rad]; None for wherever.
         """
         rolls = ROLL_STEP * np.arange(ROLLS)
         shape = (len(X_BQ), ROLLS)
         self.X_BP = rolled(np.repeat(X_BQ[:, None], ROLLS, axis=1), np.broadcast_to(rolls, shape))
         self.q = limits.angles(self.X_BP)
         self.q_lifted = limits.lifted(self.X_BP)
-        self._limits = limits
+        self._limits, self._q_before = limits, q_before
         self._against = np.zeros((len(FIRST) + len(LATER), *self.q.shape[:-1]), bool)
         self._against[: len(VIOLATIONS)] = violations(self.q, limits.config)
         # half a rotation leaves the array across the path
@@ -144,7 +152,11 @@ class Candidates:
     @property
     def cost(self) -> Float[np.ndarray, "n 72 8"]:
         """What the graph pays for each; infinite where it is barred."""
-        return np.where(self.allowed, ELBOW_DOWN_COST * elbow_down(self.q), np.inf)
+        cost = np.where(self.allowed, ELBOW_DOWN_COST * elbow_down(self.q), np.inf)
+        if self._q_before is not None:
+            away = np.angle(np.exp(1j * (self.q[0] - self._q_before)))
+            cost[0] += np.where(self.allowed[0], WAY_COST * np.sum(away**2, axis=-1), 0.0)
+        return cost
 
     def look_closer(self, rolls: Int[np.ndarray, "n"], branch: int) -> bool:
         """Hold what was chosen at each pose against `LATER` too; where it breaks that, all at this

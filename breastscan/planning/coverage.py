@@ -1,124 +1,322 @@
-"""Scan paths that cover the whole breast: nested loops, a spiral, radial strokes, parallel strokes
-(raster).
+"""Strokes that together touch all of a breast's skin but margins around the nipple and at the base.
 
-Every path is a sequence of rays from the centre of the breast's foot: the skin meets each of them
-once, near the top as well as low on the side, where neither heights nor places on the plate would
-say where on the skin one is.
+Every stroke is a curve in a flat map of the skin: polar coordinates about the nipple's tip, whose
+radius is the length along the meridian and whose angle the azimuth. Lengths around the breast are
+shorter on the skin than in the map, so strokes that lie a swath apart in it leave no gap.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from breastscan.errors import PlanningError
+from breastscan.checks import require_positive
+from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import se3
-from breastscan.geometry.skin import Skin
+from breastscan.geometry.plane import Plane
+from breastscan.geometry.skin import REACH, Skin
 from breastscan.planning import pattern
-from breastscan.planning.pattern import Path
+from breastscan.planning.pattern import Kind, Path
+
+AZIMUTHS = 90
+"""At which it is looked how low the probe may go."""
+LOWER = 0.6
+"""Share of the breast's height below which the chest may be in the way [-]."""
+SMOOTHING = 2.0
+"""Standard deviation of the average over their lowest places, in steps between them."""
+STEPS = 400
+"""Of a meridian, from the tip outwards."""
+POINT_SPACING = 0.008
+"""Between the points of a stroke [m]."""
+FEWEST_POINTS = 8
+SAMPLES = 400
+"""Of a track from which those are chosen."""
+
+Clear = Callable[[Float[np.ndarray, "n 4 4"]], Bool[np.ndarray, "n"]]
+"""Whether the probe, its tip on the skin at these poses, keeps clear of the body."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dome:
-    """A breast's skin in B, seen from the middle of its foot."""
+class CoverageConfig:
+    """What an examination touches, and how densely."""
+
+    nipple_margin: float = 0.010
+    """Distance from the nipple's tip within which no skin need be touched [m]."""
+    base_margin: float = 0.010
+    """Height over the chest below which none need be [m]."""
+    overlap: float = 0.1
+    """Share of a stroke's swath that the next touches again [-]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "planning.coverage", but=("overlap",))
+        if not 0.0 <= self.overlap <= 0.8:
+            raise ConfigError(
+                f"planning.coverage.overlap must lie between 0 and 0.8, not {self.overlap}",
+                self.overlap,
+            )
+
+
+@dataclass(frozen=True)
+class Patch:
+    """What the pressed probe touches at a time."""
+
+    length: float
+    """Along the array [m]."""
+    width: float
+    """Across it [m]."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """A stroke in the map."""
+
+    fraction: Float[np.ndarray, "n"]
+    """Of the way from the first length of a band to its last, at each point."""
+    azimuth: Float[np.ndarray, "n"]
+    """About the nipple's tip, counter-clockwise from the robot's side [rad]."""
+    closed: bool = False
+    array_along: bool = False
+
+    def part(self, begin: float, end: float) -> "Track":
+        """An open piece of it, between shares of its evenly spaced points [-]."""
+        fraction, azimuth = self.fraction, self.azimuth
+        if self.closed:
+            turn = math.copysign(2.0 * math.pi, azimuth[-1] - azimuth[0])
+            fraction, azimuth = (
+                np.append(fraction, fraction[0]),
+                np.append(azimuth, azimuth[0] + turn),
+            )
+        points = max(round((end - begin) * (len(fraction) - 1)) + 1, FEWEST_POINTS)
+        places, at = np.arange(len(fraction)), np.linspace(begin, end, points) * (len(fraction) - 1)
+        return replace(
+            self,
+            fraction=np.interp(at, places, fraction),
+            azimuth=np.interp(at, places, azimuth),
+            closed=False,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A breast's skin between a first length along every meridian, and a last one."""
 
     skin: Skin
+    plate: Plane
+    first: float
+    """Length from the nipple's tip [m]."""
+    last: Float[np.ndarray, "a"]
+    """The same at even azimuths [m]."""
 
-    def path(self, rays: Float[np.ndarray, "n 3"], closed: bool) -> Path:
-        """Where the skin meets rays from the middle of the foot: x along the chest towards the
-        robot, z along the skin's axis.
+    @staticmethod
+    def reached(
+        skin: Skin, plate: Plane, config: CoverageConfig, width: float, clear: Clear
+    ) -> "Band":
+        """Where the middle of the patch may go, the array along the chest: half of its width inside
+        of the margins, and clear of the body.
+
+        Args:
+            skin: The breast's, in B.
+            plate: Where heights count from, in B.
+            config: The margins.
+            width: Of what the probe touches, along the meridian [m].
+            clear: Whether poses are clear of the body.
 
         Raises:
-            PlanningError: No skin was seen there.
+            PlanningError: Nothing is left between the margins.
         """
-        ahead, aside = pattern.towards_robot(self.skin)
-        axes_N = np.stack([[*ahead, 0.0], [*aside, 0.0], [0.0, 0.0, 1.0]])
-        rays_B = se3.rotate(self.skin.X_AN, rays @ axes_N)
-        return pattern.path_on(self.skin, self.skin.chart(self.skin.centre + rays_B), closed=closed)
+        net = _Meridians(skin, plate, 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS)
+        s, heights = net.s, plate.heights(net.points_B)
+        out = np.linalg.norm(net.points_B - net.points_B[:, :1], axis=2) > config.nipple_margin
+        first = float(s[:, 1:][out[:, 1:]].min()) if out.any() else math.inf
+        low = net.first_length(heights < config.base_margin) - width / 2
+        X_BP = net.poses()
+        clear_there = clear(X_BP.reshape(-1, 4, 4)).reshape(s.shape) & net.known
+        first += width / 2
+        inside = (s >= first) & (heights < LOWER * heights[:, :1])
+        low = np.minimum(low, net.first_length(inside & ~clear_there) - s[:, 1].max())
+        smooth = gaussian_filter1d(minimum_filter1d(low, 3, mode="wrap"), SMOOTHING, mode="wrap")
+        low = smooth - max(float((smooth - low).max()), 0.0)
+        if not low.min() > first:
+            place = net.azimuths_deg[int(np.argmin(low))]
+            raise PlanningError(
+                f"no room for a stroke {width * 1e3:.0f} mm wide between the margins of nipple and "
+                f"base {place:.0f} degrees from the robot's side: the probe can go "
+                f"{low.min() * 1e3:.0f} mm from the nipple's tip there and has to keep "
+                f"{first * 1e3:.0f} mm away from it; scan a single loop, or choose smaller margins",
+                place,
+            )
+        return Band(skin=skin, plate=plate, first=first, last=low)
+
+    def path(self, track: Track) -> Path:
+        """Where a track runs on the skin.
+
+        Raises:
+            PlanningError: Skin was not seen there.
+        """
+        net = _Meridians(self.skin, self.plate, track.azimuth)
+        s = self.first + track.fraction * (self.lowest(track.azimuth) - self.first)
+        path = pattern.path_on(self.skin, net.at(s), closed=track.closed)
+        return replace(path, array_along=track.array_along)
+
+    def raised(self, rise: float) -> "Band":
+        """The same, ending so much earlier [m]."""
+        return replace(self, last=self.last - rise)
+
+    def lowest(self, azimuth: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """The last length at azimuths [rad]."""
+        grid = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        return np.interp(azimuth, grid, self.last, period=2.0 * np.pi)
+
+    def located(
+        self, p_B: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Length from the nipple's tip [m] and azimuth [rad] of places near the skin."""
+        top_ab = pattern.top(self.skin, self.plate)
+        out = (self.skin.chart(p_B) - top_ab) @ pattern.towards_robot(self.skin).T
+        azimuth = np.arctan2(out[:, 1], out[:, 0])
+        return _Meridians(self.skin, self.plate, azimuth).length_at(np.hypot(*out.T)), azimuth
+
+    def length_around(self, fraction: float) -> float:
+        """Of the skin around the breast [m]."""
+        azimuth = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        points_B = self.path(Track(np.full(AZIMUTHS, fraction), azimuth)).points_B
+        return float(np.linalg.norm(points_B - np.roll(points_B, 1, axis=0), axis=1).sum())
+
+    @property
+    def depth(self) -> float:
+        """The longest way from the first length to the last [m]."""
+        return float(self.last.max() - self.first)
 
 
-def loops(dome: Dome, polar_angles: Float[np.ndarray, "k"], points: int) -> list[Path]:
-    """Nested closed loops, `points` each, at angles from the breast's axis [rad]."""
-    _check_polar(polar_angles)
-    azimuths = 2.0 * np.pi * np.arange(points) / points
+def swath(kind: Kind, patch: Patch) -> float:
+    """Width of what a stroke of this pattern touches [m]."""
+    return patch.width if kind == "loops" else patch.length
+
+
+def tracks(kind: Kind, band: Band, spacing: float) -> list[Track]:
+    """The strokes of a pattern in the map, each beginning near the end of the one before.
+
+    `loops` go round with the array along them, from the chest up, where the arm has the least
+    choice, every other one the other way, so that joint 6 unwinds; `antiradial` strokes run along
+    meridians and a `raster` to and fro, the array across.
+
+    Args:
+        kind: Which, but a single loop.
+        band: Where.
+        spacing: From stroke to stroke [m].
+    """
+    return _TRACKS[kind](band, spacing)
+
+
+def _loops(band: Band, spacing: float) -> list[Track]:
+    count = math.ceil(band.depth / spacing) + 1
+    tracks = []
+    for k, fraction in enumerate(np.linspace(1.0, 0.0, count)):
+        points = max(math.ceil(band.length_around(fraction) / POINT_SPACING), FEWEST_POINTS)
+        azimuth = (-1) ** k * 2.0 * np.pi * np.arange(points) / points
+        tracks.append(Track(np.full(points, fraction), azimuth, closed=True, array_along=True))
+    return tracks
+
+
+def _antiradial(band: Band, spacing: float) -> list[Track]:
+    count = math.ceil(band.length_around(1.0) / spacing)
+    out = np.linspace(0.0, 1.0, SAMPLES)
     return [
-        dome.path(_rays(np.full(points, polar), azimuths), closed=True) for polar in polar_angles
+        _evenly(band, Track(out[:: (-1) ** k], np.full(SAMPLES, 2.0 * np.pi * k / count)))
+        for k in range(count)
     ]
 
 
-def spiral(dome: Dome, innermost: float, outermost: float, turns: float, spacing: float) -> Path:
-    """A spiral from `innermost` to `outermost` angle from the breast's axis [rad].
+def _raster(band: Band, spacing: float) -> list[Track]:
+    widest = float(band.last.max())
+    count = math.ceil(2.0 * widest / spacing) + 1
+    along, tracks = np.linspace(-widest, widest, SAMPLES), []
+    for k, aside in enumerate(np.linspace(-widest, widest, count)):
+        x = along[:: (-1) ** k]
+        azimuth = np.unwrap(np.arctan2(aside, x))
+        fraction = (np.hypot(x, aside) - band.first) / (band.lowest(azimuth) - band.first)
+        inside = (fraction >= 0.0) & (fraction <= 1.0)
+        for piece in np.split(np.arange(SAMPLES), np.flatnonzero(np.diff(inside)) + 1):
+            if inside[piece[0]] and np.ptp(x[piece]) > spacing:
+                tracks.append(_evenly(band, Track(fraction[piece], azimuth[piece])))
+    return tracks
 
-    Args:
-        dome: The breast.
-        innermost: Where it starts [rad].
-        outermost: Where it ends [rad].
-        turns: Number of revolutions.
-        spacing: Angle between neighbouring points, seen from the centre [rad].
-    """
-    _check_polar(np.array([innermost, outermost]))
-    fraction = np.linspace(0.0, 1.0, 2000)
-    polar, azimuth = innermost + (outermost - innermost) * fraction, 2.0 * np.pi * turns * fraction
-    steps = np.hypot(np.diff(polar), np.sin(polar[1:]) * np.diff(azimuth))
-    distance = np.append(0.0, np.cumsum(steps))
-    even = np.interp(
-        np.linspace(0.0, distance[-1], math.ceil(distance[-1] / spacing) + 1), distance, fraction
+
+def _evenly(band: Band, dense: Track) -> Track:
+    """An open track whose points are evenly spaced on the skin."""
+    dense_B = band.path(dense).points_B
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(dense_B, axis=0), axis=1)))
+    even = np.linspace(0.0, s[-1], max(math.ceil(s[-1] / POINT_SPACING) + 1, FEWEST_POINTS))
+    return replace(
+        dense,
+        fraction=np.interp(even, s, dense.fraction),
+        azimuth=np.interp(even, s, dense.azimuth),
     )
-    return dome.path(
-        _rays(innermost + (outermost - innermost) * even, 2.0 * np.pi * turns * even), closed=False
-    )
 
 
-def radial(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
-    """Strokes over the top from side to side, evenly rotated about the breast's axis.
-
-    Args:
-        dome: The breast.
-        outermost: Angle from the axis at which they start and end [rad].
-        strokes: Number of strokes.
-        points: Points of each.
-    """
-    _check_polar(np.array([outermost]))
-    polar = np.linspace(outermost, -outermost, points)
-    return [
-        dome.path(_rays(polar, np.full(points, np.pi * stroke / strokes)), closed=False)
-        for stroke in range(strokes)
-    ]
+_TRACKS: dict[Kind, Callable[[Band, float], list[Track]]] = {
+    "loops": _loops,
+    "antiradial": _antiradial,
+    "raster": _raster,
+}
 
 
-def raster(dome: Dome, outermost: float, strokes: int, points: int) -> list[Path]:
-    """Strokes side by side, alternately to and fro, fanned about an axis through the centre.
+class _Meridians:
+    """The skin along curves of constant azimuth about the nipple's tip."""
 
-    Args:
-        dome: The breast.
-        outermost: Angle from the breast's axis that no stroke passes [rad].
-        strokes: Number of strokes.
-        points: Points of each.
-    """
-    _check_polar(np.array([outermost]))
-    tilts = outermost * (2.0 * np.arange(strokes) + 1.0 - strokes) / strokes
-    paths = []
-    for stroke, tilt in enumerate(tilts):
-        reach = math.acos(math.cos(outermost) / math.cos(tilt))
-        along = np.linspace(-reach, reach, points) * (-1) ** stroke
-        rays = np.stack(
-            [np.sin(tilt) * np.cos(along), np.sin(along), np.cos(tilt) * np.cos(along)], axis=1
+    def __init__(self, skin: Skin, plate: Plane, azimuths: np.ndarray) -> None:
+        self._skin = skin
+        self._top_ab = pattern.top(skin, plate)
+        self._out = np.column_stack([np.cos(azimuths), np.sin(azimuths)]) @ pattern.towards_robot(
+            skin
         )
-        paths.append(dome.path(rays, closed=False))
-    return paths
+        self._t = np.linspace(0.0, REACH, STEPS)
+        self._up_B = plate.normal
+        self.azimuths_deg = np.degrees(azimuths)
 
+    @cached_property
+    def _ab(self) -> np.ndarray:
+        return self._top_ab + self._t[:, None] * self._out[:, None]
 
-def _rays(polar: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    return np.stack(
-        [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1
-    )
+    @cached_property
+    def points_B(self) -> np.ndarray:
+        """Of every meridian, from the tip outwards [m]."""
+        return self._skin.points(self._ab.reshape(-1, 2)).reshape(*self._ab.shape[:2], 3)
 
+    @cached_property
+    def s(self) -> np.ndarray:
+        """Length up to each [m]."""
+        steps = np.linalg.norm(np.diff(self.points_B, axis=1), axis=2)
+        return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
-def _check_polar(polar_angles: np.ndarray) -> None:
-    if not ((polar_angles > 0.0) & (polar_angles < np.pi / 2)).all():
-        raise PlanningError(
-            "angles from the breast's axis must lie between 0 and pi / 2 (the chest plate), got "
-            f"{polar_angles}",
-            polar_angles,
-        )
+    @cached_property
+    def known(self) -> np.ndarray:
+        """Where skin was seen."""
+        return self._skin.known(self._ab.reshape(-1, 2)).reshape(self._ab.shape[:2])
+
+    def at(self, s: np.ndarray) -> np.ndarray:
+        """The chart's coordinates at a length of every meridian [rad]."""
+        t = [np.interp(one, row, self._t) for one, row in zip(s, self.s, strict=True)]
+        return self._top_ab + np.array(t)[:, None] * self._out
+
+    def length_at(self, t: np.ndarray) -> np.ndarray:
+        """Length of every meridian at a distance from the tip in the chart [rad]."""
+        return np.array([np.interp(one, self._t, row) for one, row in zip(t, self.s, strict=True)])
+
+    def first_length(self, there: np.ndarray) -> np.ndarray:
+        """Length at which each meridian is first so; its end where it never is [m]."""
+        there = there.copy()
+        there[:, -1] = True
+        return self.s[np.arange(len(there)), np.argmax(there, axis=1)]
+
+    def poses(self) -> np.ndarray:
+        """Of the probe on every point, its array along the chest."""
+        z_B = -self._skin.normals(self._ab.reshape(-1, 2))
+        x_B = np.cross(self._up_B, z_B)
+        x_B /= np.maximum(np.linalg.norm(x_B, axis=1, keepdims=True), 1e-9)
+        rotation = np.stack([x_B, np.cross(z_B, x_B), z_B], axis=-1)
+        return se3.pose(rotation, self.points_B.reshape(-1, 3)).reshape(*self._ab.shape[:2], 4, 4)

@@ -56,12 +56,15 @@ class Task:
     """What the controller may add; None leaves that out."""
     calibration: KinematicCalibration | None = None
     """The arm's own kinematics; None for the nominal arm's."""
+    q_before: Float[np.ndarray, "6"] | None = None
+    """Joint angles that the arm comes from [rad]; None for wherever."""
 
     def plan(self, path: Path) -> tuple[Motion, Feed]:
         """`motion.plan_motion` along a path."""
         return motion.plan_motion(
             path, self.X_FP, self.period, self.limits, self.config,
             clearance=self.clearance, corrections=self.corrections, calibration=self.calibration,
+            q_before=self.q_before,
         )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ keep up, the whole motion takes longer: its shape in time stays, so that nothing
 fluctuation of its speed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,8 +40,8 @@ LIFT_STEP = 25
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What the arm is to do: a path on the skin, one row a control period, and how to come to
-    it.
+    """What the arm is to do: strokes on the skin, one row a control period, and how to come to the
+    first.
     """
 
     q: Float[np.ndarray, "n 6"]
@@ -48,12 +49,17 @@ class Motion:
     qd: Float[np.ndarray, "n 6"]
     """Their speeds [rad/s]."""
     s: Float[np.ndarray, "n"]
-    """Length along the path [m]."""
+    """Length along the path [m]; a stroke goes on counting where the one before ended."""
     q_approach: Float[np.ndarray, "6"]
     """Joint angles with the probe clear of the skin in front of the path's first point [rad]."""
     clearance: float
     """How far in front of it, along the probe axis [m]; the retreat ends as far from the last
     point."""
+    starts: tuple[int, ...] = (0,)
+    """First row of each stroke. From the last row of one to the first of the next the arm goes
+    clear of the skin."""
+    detours: tuple[int, ...] = ()
+    """Strokes, from 0, after which the arm parks, since no straight way leads to the next."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
     largest_tilt: float = 0.0
@@ -64,6 +70,15 @@ class Motion:
     drag_B: Float[np.ndarray, "n 3"] | None = None
     """What `drag_at` multiplies by the indentation's power, across the probe axis [m^-1/2]; None
     where no tissue was modelled."""
+
+    @property
+    def lasts(self) -> tuple[int, ...]:
+        """Last row of each stroke."""
+        return (*(start - 1 for start in self.starts[1:]), len(self.q) - 1)
+
+    def stroke_of(self, row: int) -> int:
+        """Number of the stroke that a row belongs to, from 0."""
+        return int(np.searchsorted(self.starts, row, side="right")) - 1
 
     def at(self, row: float) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] at a row, with a fraction."""
@@ -95,13 +110,54 @@ class Motion:
         Raises:
             PlanningError: It cannot.
         """
-        for row in (*range(0, len(self.q), LIFT_STEP), len(self.q) - 1):
+        for row in (*range(0, len(self.q), LIFT_STEP), *self.lasts):
             if not np.isfinite(self.lifted(row, X_FP, arm)).all():
                 raise PlanningError(
                     f"{self.s[row] * 1e3:.0f} mm along the path the probe cannot be lifted by "
                     f"{self.clearance * 1e3:.0f} mm: move the phantom closer to the robot's base",
                     row,
                 )
+
+
+def joined(strokes: Sequence[Motion], limit: Float[np.ndarray, "6"]) -> Motion:
+    """Strokes one after the other, each with its joints turned by whole rotations to where the one
+    before has left them.
+
+    Args:
+        strokes: Of one path each.
+        limit: Largest angle of each joint [rad].
+    """
+    q, s, end = [strokes[0].q], [strokes[0].s], float(strokes[0].s[-1])
+    for stroke in strokes[1:]:
+        q.append(stroke.q + _rotations(stroke.q, q[-1][-1], limit))
+        s.append(end + stroke.s)
+        end = float(s[-1][-1])
+    counts = [len(stroke.q) for stroke in strokes]
+    return replace(
+        strokes[0],
+        q=np.concatenate(q),
+        qd=np.concatenate([stroke.qd for stroke in strokes]),
+        s=np.concatenate(s),
+        drag_B=_concatenated([stroke.drag_B for stroke in strokes]),
+        starts=(0, *np.cumsum(counts[:-1]).tolist()),
+        slowed=max(stroke.slowed for stroke in strokes),
+        largest_tilt=max(stroke.largest_tilt for stroke in strokes),
+    )
+
+
+def _concatenated(rows: Sequence[np.ndarray | None]) -> np.ndarray | None:
+    known = [values for values in rows if values is not None]
+    return np.concatenate(known) if known else None
+
+
+def _rotations(q: np.ndarray, before: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Whole rotations of each joint [rad] that bring the first row of `q` nearest to other angles,
+    with every row inside the limits.
+    """
+    turns = 2.0 * np.pi * np.arange(-2, 3)[:, None]
+    inside = (q.min(axis=0) + turns >= -limit) & (q.max(axis=0) + turns <= limit)
+    away = np.where(inside, np.abs(q[0] + turns - before), np.inf)
+    return turns[np.argmin(away, axis=0), 0]
 
 
 def _between_rows(values: Float[np.ndarray, "n k"], row: float) -> Float[np.ndarray, "k"]:
@@ -121,6 +177,7 @@ def plan_motion(
     clearance: Clearance | None = None,
     corrections: Corrections | None = None,
     calibration: KinematicCalibration | None = None,
+    q_before: Float[np.ndarray, "6"] | None = None,
 ) -> tuple[Motion, Feed]:
     """The motion along a path inside every limit of the feedrate and of the arm, and the feed it
     was made from.
@@ -136,6 +193,7 @@ def plan_motion(
         corrections: What the controller may add to it, and the supervisor's limits; None leaves
             that out.
         calibration: The arm's own kinematics; None for the nominal arm's.
+        q_before: Joint angles that the arm comes from [rad]; None for wherever.
 
     Raises:
         PlanningError: Some point cannot be reached, or no path joins the reachable poses inside
@@ -143,8 +201,9 @@ def plan_motion(
     """
     feed = feedrate.interpolate(path.curve, limits, period)
     chosen = redundancy.resolve(
-        feed.positions, path.normals(feed.u), X_FP, period, config, clearance, corrections
-    )
+        feed.positions, path.normals(feed.u), X_FP, period, config, clearance, corrections,
+        along=path.array_along, q_before=q_before,
+    )  # fmt: skip
     slowed = 1.0
     for _ in range(MAX_PASSES):
         q, q_approach = joint_path.follow(

@@ -6,8 +6,10 @@ skin that was not seen.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated, Literal
 
 import numpy as np
+import tyro
 from jaxtyping import Bool, Float
 
 from breastscan.checks import require_positive
@@ -16,6 +18,7 @@ from breastscan.geometry.nurbs import Nurbs
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import REACH, Skin
 
+Kind = Literal["loop", "loops", "antiradial", "raster"]
 TRACED_POINTS = 180
 """Points of the loop, even in azimuth about the top, from which the evenly spaced ones are
 chosen."""
@@ -35,14 +38,22 @@ TOP_STEPS_ASIDE = 10
 
 @dataclass(frozen=True, kw_only=True)
 class PatternConfig:
-    """How the scan path lies on the breast."""
+    """How the scan's strokes lie on the breast."""
 
+    kind: Annotated[Kind, tyro.conf.arg(aliases=("--pattern",))] = "loop"
+    """A single loop, or strokes that together cover the breast: nested loops with the array along
+    them, radii with it across, or a raster with it across."""
     points: int = 15
     """Points of the loop, evenly spaced [Zhang, Sec. V-B.1]."""
     height_fraction: float = 0.5
     """Height of the loop as a fraction of the breast's height above the chest plate [-]."""
     smallest_radius: float = 0.015
     """Radius below which a loop is not scanned [m]."""
+
+    @property
+    def loop_height(self) -> float | None:
+        """`height_fraction`, of a single loop."""
+        return self.height_fraction if self.kind == "loop" else None
 
     def __post_init__(self) -> None:
         if self.points < 4:
@@ -70,6 +81,8 @@ class Path:
     normals_B: Float[np.ndarray, "n 3"]
     """Unit normals, outwards: the skin's in these points, or where it is pressed for them."""
     closed: bool = True
+    array_along: bool = False
+    """Whether the array is to lie along the direction of travel, not across it."""
 
     @cached_property
     def curve(self) -> Nurbs:

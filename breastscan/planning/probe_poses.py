@@ -23,10 +23,11 @@ MIN_COSINE = -0.9
 opposite is not defined."""
 
 
-def across_path_poses(
-    positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
+def on_path_poses(
+    positions_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"], *, along: bool
 ) -> Float[np.ndarray, "n 4 4"]:
-    """Probe poses at roll 0: z against the normal, x (the array) across the direction of travel.
+    """Probe poses at roll 0: z against the normal, x (the array) across the direction of travel, or
+    along it.
 
     The direction is that of a quintic curve through some of the samples. The path's own tangent has
     a kink in its rate of rotation at every point of a cubic, which would be an unbounded jerk of
@@ -46,6 +47,8 @@ def across_path_poses(
             positions_B[bad],
         )
     x_B /= across[:, None]
+    if along:
+        x_B = np.cross(z_B, x_B)
     return se3.pose(np.stack([x_B, np.cross(z_B, x_B), z_B], axis=-1), positions_B)
 
 

@@ -52,7 +52,10 @@ class RedundancyResolution:
     mean_normal_B: Float[np.ndarray, "3"]
     """The mean of the path's normals."""
     is_free: bool
-    """Whether the roll is measured from the `steady_poses` about it, or from across the path."""
+    """Whether the roll is measured from the `steady_poses` about it, or from how the array is to
+    lie on the path."""
+    along: bool
+    """Whether that is along the path, or across it."""
 
     @property
     def largest_tilt(self) -> float:
@@ -67,7 +70,7 @@ class RedundancyResolution:
         fraction = s / s[-1]
         if self.largest_tilt > 0.0:
             normals_B = probe_poses.tilted(normals_B, self.mean_normal_B, self.tilt(fraction))
-        X_BQ = _without_roll(positions_B, normals_B, self.mean_normal_B, self.is_free)
+        X_BQ = _without_roll(positions_B, normals_B, self.mean_normal_B, self.is_free, self.along)
         return rolled(X_BQ, self.roll(fraction))
 
 
@@ -79,6 +82,9 @@ def resolve(
     config: JointPathConfig,
     clearance: Clearance | None = None,
     corrections: Corrections | None = None,
+    *,
+    along: bool = False,
+    q_before: Float[np.ndarray, "6"] | None = None,
 ) -> RedundancyResolution:
     """The roll and branch of minimum joint motion that break no limit and keep clear of body and
     cell; with the least tilt that allows any.
@@ -92,20 +98,25 @@ def resolve(
         clearance: Measures distances from the arm itself, its cell and the body; None leaves them
             out.
         corrections: What the controller may add; None leaves that out.
+        along: Whether the array is to lie along the path, not across it, where the roll is not
+            free.
+        q_before: Joint angles that the path is begun from [rad]; None for wherever it begins best.
 
     Raises:
         PlanningError: Some point cannot be reached, or no joint path joins the reachable poses.
     """
     limits = Limits(X_FP=X_FP, config=config, clearance=clearance, corrections=corrections)
-    attempt = _Attempt(positions_B, normals_B, period, limits)
+    attempt = _Attempt(positions_B, normals_B, period, limits, along, q_before)
     needed = np.zeros(len(attempt.nodes))
     first: BlockedError | None = None
     while True:
         try:
             return attempt.resolution(needed)
         except BlockedError as error:
+            blocked = np.atleast_1d(np.asarray(error.value))
+            error.reached = max(int(blocked.min()) - 1, 0) / (len(attempt.nodes) - 1)
             first = first or error
-            needed[np.atleast_1d(np.asarray(error.value))] += TILT_STEP
+            needed[blocked] += TILT_STEP
         if needed.max() > config.largest_tilt + 1e-9:
             raise first
 
@@ -114,10 +125,17 @@ class _Attempt:
     """One path, to be resolved with more and more tilt."""
 
     def __init__(
-        self, positions_B: np.ndarray, normals_B: np.ndarray, period: float, limits: Limits
+        self,
+        positions_B: np.ndarray,
+        normals_B: np.ndarray,
+        period: float,
+        limits: Limits,
+        along: bool,
+        q_before: np.ndarray | None,
     ) -> None:
         self._positions_B, self._normals_B = positions_B, normals_B
         self._mean_normal_B = normals_B.mean(axis=0)
+        self._along, self._q_before = along, q_before
         self._is_free = limits.config.roll_tolerance >= FREE_ROLL
         self._limits = limits
         self._s = probe_poses.lengths(positions_B)
@@ -135,8 +153,10 @@ class _Attempt:
         if needed.max() > 0.0:
             fraction = self._s / self._s[-1]
             axes_B = probe_poses.tilted(axes_B, self._mean_normal_B, tilt(fraction))
-        X_BQ = _without_roll(self._positions_B, axes_B, self._mean_normal_B, self._is_free)
-        candidates = Candidates(X_BQ[self.nodes], self._limits.stricter)
+        X_BQ = _without_roll(
+            self._positions_B, axes_B, self._mean_normal_B, self._is_free, self._along
+        )
+        candidates = Candidates(X_BQ[self.nodes], self._limits.stricter, self._q_before)
         rolls, branch = _clear_motion(candidates, self._durations)
         smooth, fault = self._smoothed(X_BQ, candidates.allowed[..., branch], rolls, branch)
         if smooth is None:
@@ -149,6 +169,7 @@ class _Attempt:
             branch=branch,
             mean_normal_B=self._mean_normal_B,
             is_free=self._is_free,
+            along=self._along,
         )
 
     def _smoothed(
@@ -171,11 +192,15 @@ class _Attempt:
 
 
 def _without_roll(
-    positions_B: np.ndarray, normals_B: np.ndarray, mean_normal_B: np.ndarray, is_free: bool
+    positions_B: np.ndarray,
+    normals_B: np.ndarray,
+    mean_normal_B: np.ndarray,
+    is_free: bool,
+    along: bool,
 ) -> np.ndarray:
     if is_free:
         return probe_poses.steady_poses(positions_B, normals_B, mean_normal_B)
-    return probe_poses.across_path_poses(positions_B, normals_B)
+    return probe_poses.on_path_poses(positions_B, normals_B, along=along)
 
 
 def _clear_motion(candidates: Candidates, durations: np.ndarray) -> tuple[np.ndarray, int]:

@@ -26,6 +26,9 @@ SHIFTS = np.arange(-3, 4)
 class BlockedError(PlanningError):
     """The arm cannot go on at some poses of a path; the error's value are their places in it."""
 
+    reached = 0.0
+    """Share of the path that lies before the first of them [-]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RollGraph:

@@ -104,6 +104,14 @@ CATALOGUE: tuple[Metric, ...] = (
         ("joint_speed_peak_rad_s", "Peak joint speed (1 to 6)", "°/s", math.degrees(1.0)),
     ),
     *_group(
+        "Coverage",
+        ("coverage_skin_pct", "Skin between the margins that was touched", "%"),
+        ("coverage_twice_pct", "Touched by two strokes", "%"),
+        ("coverage_volume_pct", "Tissue under it, to 40 mm, that a beam in contact passed", "%"),
+        ("coverage_gap_mm2", "Skin that was not touched, by reason", "mm²"),
+        ("examination_time_s", "Time of the examination", "s"),
+    ),
+    *_group(
         "Force",
         ("force_rmse_n", "Contact force about the set-point, RMS", "N"),
         ("force_peak_n", "Contact force, highest", "N"),

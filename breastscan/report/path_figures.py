@@ -1,7 +1,7 @@
 """Planned against executed path, and the error between them along the loop."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -15,6 +15,8 @@ MAGNIFICATIONS = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0)
 LARGEST_SHOWN_DEVIATION = 0.12
 """Share of the loop's extent that the enlarged deviation may take."""
 HISTOGRAM_BINS = 30
+MOST_NUMBERS = 40
+"""Path points that are numbered; more would hide the path."""
 LABEL_DISTANCE_PT = 11.0
 """From a path point to its number, clear of the curves."""
 
@@ -31,7 +33,9 @@ def planned_and_executed(path_B: Float[np.ndarray, "k 3"], trajectory: Trajector
     planned_mm = trajectory.X_BP_plan[loop, :3, 3] * MM_PER_M
     executed_mm = trajectory.X_BP[loop, :3, 3] * MM_PER_M
     figure, ((top, side),) = theme.panels(1, 2, height_in=4.4, width_ratios=(1.1, 1.0))
-    _draw_top_view(top, path_B * MM_PER_M, planned_mm, executed_mm)
+    lifted = 1 + np.flatnonzero(np.diff(np.flatnonzero(loop)) > 1)
+    _draw_top_view(top, path_B * MM_PER_M, planned_mm, executed_mm, lifted)
+    s_mm[lifted] = np.nan
     side.plot(s_mm, planned_mm[:, 2], **theme.PLANNED_LINE)
     side.plot(s_mm, executed_mm[:, 2], **theme.MEASURED_LINE)
     theme.title(side, "Height along the loop")
@@ -89,17 +93,22 @@ def _draw_top_view(
     points_mm: Float[np.ndarray, "k 3"],
     planned_mm: Float[np.ndarray, "n 3"],
     executed_mm: Float[np.ndarray, "n 3"],
+    lifted: Int[np.ndarray, "lifts"],
 ) -> None:
+    """Its lines are broken at rows before which the probe was lifted."""
     deviations_mm = executed_mm - planned_mm
     factor = magnification(deviations_mm, extent=float(np.ptp(planned_mm, axis=0).max()))
     shown_mm = planned_mm + factor * deviations_mm
+    planned_mm = planned_mm.copy()
+    shown_mm[lifted] = planned_mm[lifted] = np.nan
     label = "executed" if factor == 1.0 else f"executed, deviation × {factor:g}"
     axis.plot(planned_mm[:, 0], planned_mm[:, 1], **theme.PLANNED_LINE, label="planned")
     axis.plot(shown_mm[:, 0], shown_mm[:, 1], **theme.MEASURED_LINE, label=label)
     axis.plot(
         points_mm[:, 0], points_mm[:, 1], "o", color=theme.ACCENT, markersize=4, label="path points"
     )
-    for number, (x, y, _) in enumerate(points_mm, start=1):
+    numbered = points_mm if len(points_mm) <= MOST_NUMBERS else points_mm[:0]
+    for number, (x, y, _) in enumerate(numbered, start=1):
         offset = _label_offset(points_mm, number - 1)
         axis.annotate(
             str(number),

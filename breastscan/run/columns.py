@@ -104,6 +104,8 @@ PATH: Columns = {
     "normals_B": _vector("n{}", "outward unit normal of the skin there", "", "B"),
 }
 """Of `path.csv`."""
+STROKE = "stroke"
+"""Another column of it, where a scan has several strokes: which one, from 1."""
 TRUTH: Columns = {
     "time": LOG["t"],
     "q": LOG["q"],

@@ -12,7 +12,7 @@ from jaxtyping import Float, UInt8
 
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.run.clouds import read_cloud
-from breastscan.run.columns import PATH, names
+from breastscan.run.columns import PATH, STROKE, names
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 
 REQUIRED_FILES = (
@@ -63,7 +63,7 @@ class Run:
             ConfigError: A file is missing or cannot be read.
         """
         _require_files(folder)
-        points_B, normals_B = read_path(folder / "path.csv")
+        points_B, normals_B = read_path(folder / "path.csv", several=True)
         return Run(
             metrics=_read_json(folder / "metrics.json"),
             config=_read_json(folder / "config.json"),
@@ -111,11 +111,17 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     return image.astype(np.uint8, copy=False)
 
 
-def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+def read_path(
+    source: Path, *, several: bool = False
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
     """A path's points [m] and unit normals, as a scan leaves them in `path.csv`.
 
+    Args:
+        source: The file.
+        several: Whether it may hold several strokes, one after the other.
+
     Raises:
-        ConfigError: The file is missing or lacks a column.
+        ConfigError: The file is missing, lacks a column, or holds several strokes.
         PlanningError: A number is not finite, or a normal is not of length 1.
     """
     _require_file(source)
@@ -123,6 +129,13 @@ def read_path(source: Path) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray,
         table = polars.read_csv(source)
     except polars.exceptions.PolarsError as error:
         raise ConfigError(f"{source} is not a CSV file ({error})", source) from error
+    strokes = table[STROKE].n_unique() if STROKE in table.columns else 1
+    if strokes > 1 and not several:
+        raise ConfigError(
+            f"{source} holds {strokes} strokes, between which the probe leaves the skin: expected "
+            "one path, so take the rows of one of them",
+            source,
+        )
     needed = names(PATH)
     missing = [name for name in needed if name not in table.columns]
     if missing:

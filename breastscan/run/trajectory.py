@@ -13,6 +13,8 @@ from breastscan.run.columns import LOG
 
 MM_PER_M = 1e3
 
+APPROACH = "approach"
+"""Name of the phase in which the probe comes to the skin."""
 LOOP = "loop"
 """Name of the phase in which the probe follows the planned path."""
 RESUME = "resume"
@@ -113,6 +115,17 @@ class Trajectory:
     def in_loop(self) -> Bool[np.ndarray, "n"]:
         """Which samples belong to the loop."""
         return np.array(self.phase) == LOOP
+
+    @property
+    def time_on_stroke(self) -> Float[np.ndarray, "n"]:
+        """Time since the loop began after the latest approach [s]; NaN off the loop."""
+        phase, since = np.array(self.phase), np.full(len(self.t), np.nan)
+        rows = np.flatnonzero(phase == LOOP)
+        approaches = np.cumsum(phase == APPROACH)[rows]
+        _, firsts = np.unique(approaches, return_index=True)
+        begun = np.repeat(self.t[rows[firsts]], np.diff([*firsts, len(rows)]))
+        since[rows] = self.t[rows] - begun
+        return since
 
     @property
     def has_loop(self) -> bool:

@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 import polars as pl
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from trimesh.exchange.ply import export_ply
 
 from breastscan.errors import ConfigError, notes_of
-from breastscan.run.columns import PATH, names
+from breastscan.run.columns import PATH, STROKE, names
 from breastscan.run.provenance import provenance
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 from breastscan.run.unfinished import ABORTED
@@ -123,11 +123,18 @@ def write_cloud(
 
 
 def write_path(
-    path: Path, points_B: Float[np.ndarray, "n 3"], normals_B: Float[np.ndarray, "n 3"]
+    path: Path,
+    points_B: Float[np.ndarray, "n 3"],
+    normals_B: Float[np.ndarray, "n 3"],
+    strokes: Int[np.ndarray, "n"] | None = None,
 ) -> None:
-    """Write the path's points [m] and unit normals in B as CSV."""
-    columns = dict(zip(names(PATH), np.hstack([points_B, normals_B]).T, strict=True))
-    write_csv(path, pl.DataFrame(columns), digits=7)
+    """Write a path's points [m] and unit normals in B as CSV; of a scan of several strokes the
+    stroke of each point too, in the column `STROKE`.
+    """
+    table = pl.DataFrame(dict(zip(names(PATH), np.hstack([points_B, normals_B]).T, strict=True)))
+    if strokes is not None:
+        table = table.with_columns(pl.Series(STROKE, strokes))
+    write_csv(path, table, digits=7)
 
 
 def write_csv(path: Path, table: pl.DataFrame, *, digits: int | None = None) -> None:

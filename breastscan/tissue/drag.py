@@ -23,6 +23,7 @@ from breastscan.checks import require_positive
 from breastscan.errors import ConfigError
 from breastscan.geometry import se3
 from breastscan.geometry.plane import Plane
+from breastscan.geometry.skin import Skin
 from breastscan.tissue.elements import (
     ClampedBody,
     node_unknowns,
@@ -44,6 +45,8 @@ NOMINAL = 0.006
 the same within 5 %, 11 % on small dense breasts."""
 NOMINAL_FORCE = 5.0
 """Force that presses a tissue of 30 kPa in by as much [N]."""
+HALFWAY_PLACES = 8
+"""Around the breast, between its axis and its foot, that tell its size."""
 PLACES = 33
 """Places of the path that are pressed."""
 SECTIONS = 8
@@ -74,6 +77,22 @@ class TissueConfig:
                 "elements cannot represent an incompressible solid, use .45 for soft tissue",
                 self.poisson,
             )
+
+
+def patch(force: float, skin: Skin, config: TissueConfig) -> tuple[float, float]:
+    """Length along the array and width of what the probe touches [m], on skin that is as bent as a
+    ball of this breast's size: the chord along which face and skin, each undeformed, overlap.
+
+    Args:
+        force: With which it presses [N].
+        skin: The breast's.
+        config: The probe's face.
+    """
+    depth = VIRTUAL_DEPTH * NOMINAL * (force / NOMINAL_FORCE) ** (2.0 / 3.0)
+    azimuth = 2.0 * np.pi * np.arange(HALFWAY_PLACES) / HALFWAY_PLACES
+    halfway = np.pi / 4.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    bends = 1.0 / config.array_radius + 1.0 / skin.radius(halfway)[:, 0].mean()
+    return 2.0 * float(np.sqrt(2.0 * depth / bends)), config.face_width
 
 
 class PressedBreast:

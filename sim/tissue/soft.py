@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from sim.tissue.complementarity import Solved
 from sim.tissue.compliance import SkinCompliance
@@ -106,13 +106,28 @@ class SoftTissue:
 
     def patch(self) -> ContactPatch:
         """Contact patch and pressure of the last press."""
-        touching = np.flatnonzero(self._load)
+        touching = self.touched
         areas = self._surface.areas[touching]
         return ContactPatch(
             points_S=self._surface.vertices_S[touching] + self._displacement()[touching],
             pressure=self._phantom.config.young * self._load[touching] / areas,
             areas=areas,
         )
+
+    @property
+    def skin_points_S(self) -> Float[np.ndarray, "n 3"]:
+        """Points of the undeformed skin that may touch the probe [m]."""
+        return self._surface.vertices_S
+
+    @property
+    def skin_areas(self) -> Float[np.ndarray, "n"]:
+        """Skin that each of them stands for [m^2]."""
+        return self._surface.areas
+
+    @property
+    def touched(self) -> Int[np.ndarray, "k"]:
+        """Which of them touch it since the last press."""
+        return np.flatnonzero(self._load)
 
     def deformed_skin(self) -> Float[np.ndarray, "n 3"]:
         """Vertices of the phantom's fine skin mesh in S after the last press [m]."""

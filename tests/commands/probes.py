@@ -14,6 +14,7 @@ import pytest
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import skin_fit
 from breastscan.errors import BreastScanError
+from breastscan.examination import Coverage
 from breastscan.execution import execute
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.hulls import Shape
@@ -21,11 +22,13 @@ from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
 from breastscan.planning import fitting, pattern
 from breastscan.planning.clearance import Body, Clearance
+from breastscan.planning.coverage import Patch
 from breastscan.planning.fitting import Task
 from breastscan.planning.motion import Motion
 from breastscan.robot.ur import ur5e
 from breastscan.robot.ur.worker import LinkLimits
 from breastscan.scan import ScanConfig, Stages, perceive
+from breastscan.tissue import drag
 from breastscan.tissue.drag import PressedBreast
 from breastscan.vision import calibration
 from breastscan.vision.board import Board, find_corners
@@ -152,6 +155,19 @@ def planned(c: Everything) -> Any:
     )  # fmt: skip
     fitted = fitting.fit(lambda rise: path, config.rises, task)
     return fitted.motion, fitted.feed
+
+
+def covered(c: Everything) -> Any:
+    """How the strokes lie; of a single loop, nothing."""
+    config = c.planning
+    if config.pattern.kind == "loop":
+        return None
+    task = Task(
+        X_FP=tip_pose(np.pi / 4), period=PERIOD, limits=config.feedrate, config=config.joints
+    )
+    patch = Patch(*drag.patch(c.contact.force, skin(), config.tissue))
+    lain = Coverage.planned(skin(), PLATE, config.pattern.kind, config.coverage, patch, task)
+    return [lain.band.path(track).points_B for track in lain.tracks]
 
 
 def dragged(c: Everything) -> Any:

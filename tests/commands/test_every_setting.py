@@ -43,7 +43,9 @@ VALUES: dict[str, Any] = {
     "perception.refine.largest_change_px": 0.05,
     "perception.refine.jump_px": 0.3,
     "perception.refine.largest_sigma_px": 0.02,
+    "planning.pattern.kind": "raster",
     "planning.pattern.smallest_radius": 0.2,
+    "planning.coverage.nipple_margin": 0.02,
     "planning.feedrate.normal_acceleration": 5e-3,
     "planning.feedrate.chord_error": 1e-9,
     "planning.joints.position_limit": 2.0,
@@ -132,6 +134,7 @@ VALUES: dict[str, Any] = {
 CONTEXTS: dict[str, dict[str, Any]] = {
     "perception.stereo.num_disparities": {"perception.stereo.min_disparity": 0},
     "planning.joints.largest_tilt": {"planning.joints.body_margin": 0.03},
+    "planning.coverage.": {"planning.pattern.kind": "loops"},
     "planning.largest_rise": {"planning.joints.body_margin": 0.03},
     "contact.phases.search_": {"world.fall": 0.006},
     "contact.phases.losses": {"world.fall": 0.006},
@@ -204,6 +207,8 @@ the command's."""
 PROBES = {
     "perception.": probes.perceived,
     "planning.": probes.planned,
+    "planning.coverage.": probes.covered,
+    "planning.pattern.kind": probes.covered,
     "planning.tissue.": probes.dragged,
     "contact.": probes.executed,
     "safety.": probes.executed,

@@ -3,78 +3,148 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from breastscan.errors import PlanningError
+from breastscan.errors import ConfigError, PlanningError
+from breastscan.geometry.plane import Plane
 from breastscan.planning import coverage
-from breastscan.planning.coverage import Dome
-from breastscan.planning.pattern import Path
+from breastscan.planning.coverage import Band, CoverageConfig, Patch, Track
 from tests.skins import ellipsoid
 
 RADIUS = 0.070
 CENTRE_B = np.array([0.5, 0.05, 0.08])
-LOWEST = np.radians(70.0)
+PLATE = Plane(normal=np.array([0.0, 0.0, 1.0]), offset=0.08)
+PATCH = Patch(length=0.033, width=0.012)
+CONFIG = CoverageConfig()
+BALL = ellipsoid(np.full(3, RADIUS), CENTRE_B)
+"""Half a ball on the plate."""
 
 
-@pytest.fixture(scope="module")
-def dome() -> Dome:
-    """Half a ball on the plate."""
-    return Dome(skin=ellipsoid(np.full(3, RADIUS), CENTRE_B))
+def everywhere(X_BP):
+    return np.ones(len(X_BP), bool)
 
 
-def polar_angles(path: Path) -> np.ndarray:
-    from_centre = path.points_B - CENTRE_B
-    return np.arccos(from_centre[:, 2] / np.linalg.norm(from_centre, axis=1))
+def above(height):
+    return lambda X_BP: X_BP[:, 2, 3] - CENTRE_B[2] > height
 
 
-def assert_on_skin(path: Path) -> None:
-    from_centre = path.points_B - CENTRE_B
-    distance = np.linalg.norm(from_centre, axis=1)
-    assert np.abs(distance - RADIUS).max() * 1e3 < 1e-3
-    cosine = np.sum(from_centre / distance[:, None] * path.normals_B, axis=1)
-    assert np.degrees(np.arccos(np.minimum(cosine, 1.0))).max() < 0.01
+def band(clear=everywhere, config=CONFIG):
+    return Band.reached(BALL, PLATE, config, PATCH.width, clear)
 
 
-def test_loops_lie_at_their_angles_and_close(dome):
-    angles = np.radians([25.0, 45.0, 65.0])
-    for path, angle in zip(coverage.loops(dome, angles, 15), angles, strict=True):
-        assert_on_skin(path)
-        np.testing.assert_allclose(polar_angles(path), angle, atol=1e-9)
-        assert path.curve.closed
+def strokes(kind, spacing=0.0108):
+    lain = band()
+    return [lain.path(track) for track in coverage.tracks(kind, lain, spacing)]
 
 
-def test_spiral_goes_from_the_inside_out_in_even_steps(dome):
-    path = coverage.spiral(dome, np.radians(10.0), LOWEST, turns=4.0, spacing=0.15)
-    assert_on_skin(path)
-    assert np.all(np.diff(polar_angles(path)) > 0)
-    steps = np.linalg.norm(np.diff(path.points_B, axis=0), axis=1)
-    assert np.ptp(steps) / steps.mean() < 0.1
-    azimuth = np.unwrap(np.arctan2(*(path.points_B - CENTRE_B)[:, 1::-1].T))
-    assert np.ptp(azimuth) == pytest.approx(8 * np.pi, abs=0.1)
+def polar(points_B):
+    from_centre = points_B - CENTRE_B
+    return np.arccos(from_centre[..., 2] / np.linalg.norm(from_centre, axis=-1))
 
 
-def test_radial_strokes_pass_over_the_top(dome):
-    paths = coverage.radial(dome, LOWEST, strokes=4, points=9)
+def azimuth(points_B):
+    from_centre = points_B - CENTRE_B
+    return np.unwrap(np.arctan2(from_centre[..., 1], from_centre[..., 0]))
+
+
+def test_a_band_keeps_half_a_swath_from_both_margins():
+    """Lengths along a meridian of a ball are angles times its radius."""
+    lain = band()
+    chord = 2 * np.arcsin(CONFIG.nipple_margin / 2 / RADIUS)
+    assert abs(lain.first - (RADIUS * chord + PATCH.width / 2)) * 1e3 < 0.5
+    low = np.arccos(CONFIG.base_margin / RADIUS)
+    assert np.abs(lain.last - (RADIUS * low - PATCH.width / 2)).max() * 1e3 < 0.6
+
+
+def test_a_band_ends_where_the_probe_would_come_too_near_to_the_body():
+    heights = RADIUS * np.cos(band(clear=above(0.03)).last / RADIUS)
+    assert heights.min() * 1e3 > 30.0
+    assert heights.max() * 1e3 < 31.0
+
+
+def test_places_are_told_by_length_and_azimuth_as_they_were_laid():
+    lain = band()
+    around = np.linspace(-3.0, 3.0, 12)
+    path = lain.path(Track(np.full(12, 0.4), around))
+    s, found = lain.located(path.points_B)
+    expected = lain.first + 0.4 * (lain.lowest(around) - lain.first)
+    np.testing.assert_allclose(s, expected, atol=2e-5)
+    np.testing.assert_allclose(found, around, atol=1e-6)
+
+
+def test_loops_are_nested_no_farther_apart_than_asked_for_and_alternate():
+    paths = strokes("loops")
+    angles = np.array([polar(path.points_B).mean() for path in paths])
+    steps = -np.diff(angles) * RADIUS  # from the chest up
+    assert (steps > 0).all()
+    assert steps.max() * 1e3 < 10.8 + 0.1
+    turns = [np.sign(azimuth(path.points_B)[-1] - azimuth(path.points_B)[0]) for path in paths]
+    assert turns == [(-1) ** k for k in range(len(paths))]
+    assert all(path.closed and path.array_along for path in paths)
+
+
+def test_antiradial_strokes_lie_on_meridians_a_spacing_apart_at_the_chest():
+    paths = strokes("antiradial", spacing=0.025)
+    lowest = max(polar(path.points_B).max() for path in paths)
+    assert 2 * np.pi * RADIUS * np.sin(lowest) / len(paths) * 1e3 < 25.1
     for path in paths:
-        assert_on_skin(path)
-        assert polar_angles(path)[4] < 1e-9
-        np.testing.assert_allclose(polar_angles(path)[[0, -1]], LOWEST, atol=1e-9)
+        assert np.degrees(np.ptp(azimuth(path.points_B))) < 0.1
+        assert not path.array_along
+    outwards = [np.sign(np.diff(polar(path.points_B)).mean()) for path in paths]
+    assert outwards[:2] == [1, -1]
 
 
-def test_raster_strokes_run_to_and_fro_inside_the_outermost_angle(dome):
-    paths = coverage.raster(dome, LOWEST, strokes=6, points=12)
-    chords = np.array([path.points_B[-1] - path.points_B[0] for path in paths])
-    assert np.all(np.sum(chords[1:] * chords[:-1], axis=1) < 0)
-    for path in paths:
-        assert_on_skin(path)
-        assert polar_angles(path).max() < LOWEST + 1e-9
+def test_a_raster_goes_to_and_fro_and_leaves_the_nipple_out():
+    lain = band()
+    ways = []
+    for track in coverage.tracks("raster", lain, 0.025):
+        s, around = lain.located(lain.path(track).points_B)
+        assert (s > lain.first - 1e-4).all()
+        assert (s < lain.lowest(around) + 1e-3).all()
+        x, y = s * np.cos(around), s * np.sin(around)
+        assert np.ptp(y) * 1e3 < 1.0  # straight in the map
+        ways.append((y.mean(), np.sign(x[-1] - x[0])))
+    asides = np.unique(np.round([aside for aside, _ in ways], 3))
+    assert np.diff(asides).max() * 1e3 < 26.0
+    first_ways = [next(way for y, way in ways if abs(y - aside) < 1e-3) for aside in asides]
+    assert (np.diff(first_ways) != 0).all()
 
 
-@pytest.mark.parametrize("angle", [0.0, np.pi / 2, -0.1])
-def test_angles_off_the_breast_are_refused(dome, angle):
-    with pytest.raises(PlanningError, match="between 0 and pi / 2"):
-        coverage.loops(dome, np.array([angle]), 15)
+@pytest.mark.parametrize("kind", ["loops", "antiradial", "raster"])
+def test_strokes_lie_on_the_skin_with_its_normals(kind):
+    for path in strokes(kind, spacing=0.02):
+        from_centre = path.points_B - CENTRE_B
+        distance = np.linalg.norm(from_centre, axis=1)
+        assert np.abs(distance - RADIUS).max() * 1e3 < 1e-3
+        cosine = np.sum(from_centre / distance[:, None] * path.normals_B, axis=1)
+        assert np.degrees(np.arccos(np.minimum(cosine, 1.0))).max() < 0.01
 
 
-def test_skin_that_was_not_seen_is_not_crossed(dome):
-    unseen = replace(dome.skin, support=np.zeros_like(dome.skin.support))
-    with pytest.raises(PlanningError, match="no skin was seen over 100% of the path"):
-        coverage.loops(Dome(skin=unseen), np.radians([45.0]), 15)
+def test_pieces_of_a_loop_make_up_the_whole():
+    lain = band()
+    loop = coverage.tracks("loops", lain, 0.02)[0]
+    first, second = loop.part(0.0, 0.3), loop.part(0.3, 1.0)
+    whole = lain.path(loop).curve.length
+    lengths = [lain.path(piece).curve.length for piece in (first, second)]
+    assert not first.closed
+    assert abs(sum(lengths) - whole) * 1e3 < 0.2
+    assert lengths[0] / whole == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_breast_without_room_between_the_margins_is_refused_with_the_place():
+    with pytest.raises(PlanningError, match=r"no room for a stroke 12 mm wide.*mm away from it"):
+        band(config=CoverageConfig(nipple_margin=0.06, base_margin=0.03))
+
+
+def test_skin_that_was_not_seen_is_not_crossed():
+    """Of a breast whose top alone was seen, with the band of one that was seen whole."""
+    lain = band()
+    side = len(BALL.support)
+    middle = np.hypot(*(np.indices((side, side)) - side / 2 + 0.5)) < 0.2 * side
+    half_seen = replace(lain, skin=replace(BALL, support=BALL.support & middle))
+    with pytest.raises(PlanningError, match="no skin was seen over"):
+        half_seen.path(Track(np.ones(12), np.linspace(0.0, 6.0, 12)))
+
+
+@pytest.mark.parametrize("wrong", [{"overlap": 0.9}, {"overlap": -0.1}, {"nipple_margin": 0.0}])
+def test_margins_and_overlap_have_bounds(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        CoverageConfig(**wrong)

@@ -217,3 +217,34 @@ def test_off_the_skin_nothing_is_dragged(planned, indentation):
 
 def test_without_a_model_of_the_tissue_nothing_is_dragged(planned):
     np.testing.assert_array_equal(planned.drag_at(3.0, 0.006), 0.0)
+
+
+def test_strokes_are_joined_with_the_joints_turned_to_where_the_last_has_left_them(planned):
+    """By whole rotations, and only as far as the joints reach."""
+    turned = dataclasses.replace(
+        planned, q=planned.q[::-1] + 2 * np.pi * np.array([0, 0, 0, 0, 0, 1])
+    )
+    limit = np.full(6, 2 * np.pi)
+    whole = motion.joined([planned, turned], limit)
+    rows = len(planned.q)
+    assert whole.starts == (0, rows)
+    assert whole.lasts == (rows - 1, 2 * rows - 1)
+    assert [whole.stroke_of(row) for row in (0, rows - 1, rows)] == [0, 0, 1]
+    np.testing.assert_allclose(whole.q[rows], planned.q[-1], atol=1e-12)
+    assert np.abs(whole.q).max() <= 2 * np.pi
+    assert (np.diff(whole.s) >= 0).all()
+    assert whole.s[-1] == pytest.approx(2 * planned.s[-1])
+
+
+def test_a_stroke_of_a_plan_is_begun_on_the_branch_that_the_arm_is_on(planned):
+    """From angles of another branch the path is followed on that one."""
+    other = planned.q[0] * np.array([1, 1, 1, 1, -1, 1]) + np.pi * np.array([0, 0, 0, 1, 0, 1])
+    again, _ = motion.plan_motion(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), q_before=planned.q[0]
+    )
+    assert np.abs(np.angle(np.exp(1j * (again.q[0] - planned.q[0])))).max() < 0.2
+    flipped, _ = motion.plan_motion(
+        loop(), X_FP, PERIOD, FeedrateLimits(), JointPathConfig(), q_before=other
+    )
+    away = [np.abs(np.angle(np.exp(1j * (plan.q[0] - other)))).sum() for plan in (flipped, planned)]
+    assert away[0] <= away[1]

@@ -1,0 +1,187 @@
+"""The examination: strokes that together touch the whole breast, laid for what the probe touches at
+a time and for where it can go.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Shaped
+
+from breastscan.geometry.kinematic_calibration import KinematicCalibration
+from breastscan.geometry.plane import Plane
+from breastscan.geometry.skin import Skin
+from breastscan.planning import coverage
+from breastscan.planning.candidates import Limits
+from breastscan.planning.coverage import Band, CoverageConfig, Kind, Patch, Track
+from breastscan.planning.fitting import Fitted, Task
+from breastscan.planning.motion import Motion
+from breastscan.planning.pattern import Path
+from breastscan.planning.roll_graph import BlockedError, rolled
+
+ARRAY_TOLERANCE = math.radians(30.0)
+"""How far the array may roll away from how a pattern has it lie [rad]."""
+
+ROLL_ROOM = math.radians(10.0)
+"""To either side, by which the array can roll away from a singularity of the wrist [rad]."""
+GAPS = {
+    "not seen": "no camera pair saw it",
+    "near the chest": "the probe would come too near to the chest",
+    "near the nipple": "the probe has to keep away from the nipple",
+    "missed": "a stroke was planned there, and the arm could not follow it or touched beside it",
+}
+"""Why skin between the margins may not have been touched."""
+WAY_SAMPLES = 60
+"""Of the way from stroke to stroke, that are looked at."""
+WAY_MARGIN = 0.01
+"""Smallest gap there [m]."""
+CLEARANCE = 0.03
+"""From the skin between two strokes [m]; a single loop is come to from farther away."""
+SHORTEST = 0.03
+"""Length of a piece of a stroke that is worth a touch of its own [m]."""
+RESERVE = 5e-4
+"""Of the margin to the body, for what a smooth curve through points adds [m]."""
+
+Pressed = Callable[[Path], Path]
+"""Turns a path's normals to those of the places to press for it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """What strokes are to cover, and how they lie."""
+
+    kind: Kind
+    config: CoverageConfig
+    patch: Patch
+    """What the probe touches at a time."""
+    band: Band
+    """Where the middle of the patch is to go."""
+    tracks: list[Track]
+
+    @staticmethod
+    def planned(
+        skin: Skin, plate: Plane, kind: Kind, config: CoverageConfig, patch: Patch, task: Task
+    ) -> "Coverage":
+        """The strokes of a pattern on a breast.
+
+        Args:
+            skin: The breast's, in B.
+            plate: What it stands on, in B.
+            kind: The pattern, but a single loop.
+            config: Its margins.
+            patch: What the probe touches at a time.
+            task: What the strokes are planned with.
+
+        Raises:
+            PlanningError: There is no room for them, or skin was not seen.
+        """
+        swath = coverage.swath(kind, patch)
+        limits = Limits(
+            X_FP=task.X_FP,
+            config=replace(task.config, body_margin=task.config.body_margin + RESERVE),
+            clearance=task.clearance,
+            corrections=None,
+        ).stricter
+
+        def clear(X_BP: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, "n"]:
+            sides = [rolled(X_BP, np.full(len(X_BP), roll)) for roll in (-ROLL_ROOM, ROLL_ROOM)]
+            return ~np.any([limits.near_body(X) for X in sides], axis=0)
+
+        band = Band.reached(skin, plate, config, patch.width, clear)
+        tracks = coverage.tracks(kind, band, swath * (1.0 - config.overlap))
+        return Coverage(kind=kind, config=config, patch=patch, band=band, tracks=tracks)
+
+    def why_not(self, p_B: Float[np.ndarray, "n 3"]) -> Shaped[np.ndarray, "n"]:
+        """Why skin at some places was not touched: a word each of `GAPS`.
+
+        Args:
+            p_B: On the skin, when it was seen [m].
+        """
+        s, azimuth = self.band.located(p_B)
+        half = self.patch.width / 2.0
+        reasons = np.full(len(p_B), "missed", dtype="U16")
+        reasons[s > self.band.lowest(azimuth) + half] = "near the chest"
+        reasons[s < self.band.first - half] = "near the nipple"
+        reasons[~self.band.skin.known(self.band.skin.chart(p_B))] = "not seen"
+        return reasons
+
+    def held(self, task: Task) -> Task:
+        """The task with the probe upright, which else touches skin beside its stroke, and the array
+        held as the pattern has it.
+        """
+        held = replace(
+            task.config,
+            roll_tolerance=min(task.config.roll_tolerance, ARRAY_TOLERANCE),
+            largest_tilt=0.0,
+            clearance=min(task.config.clearance, CLEARANCE),
+        )
+        return replace(task, config=held)
+
+    def fitted(
+        self, pressed: Pressed, task: Task, progress: Callable[[float], None]
+    ) -> list[Fitted]:
+        """The strokes, each in as few pieces as the arm can follow: where it cannot go on as it is
+        bent, it leaves the skin and comes back otherwise. What it can follow in no way is left out.
+
+        Args:
+            pressed: Turns a path's normals to those of the places to press for it.
+            task: What is planned with, as `held` has it.
+            progress: Told the share of the strokes that are planned.
+
+        Raises:
+            PlanningError: The arm can follow none of them.
+        """
+        pieces: list[Fitted] = []
+        for number, track in enumerate(self.tracks):
+            progress(number / len(self.tracks))
+            before = pieces[-1].motion.q[-1] if pieces else None
+            own = self._fit(track, pressed, replace(task, q_before=before))
+            # the next stroke goes on from the longest
+            pieces += sorted(own, key=lambda piece: float(piece.motion.s[-1]))
+        if not pieces:
+            _fitted(pressed(self.band.path(self.tracks[0])), task)  # says why
+        return pieces
+
+    def _fit(self, track: Track, pressed: Pressed, task: Task) -> list[Fitted]:
+        """The pieces of a stroke."""
+        pieces, left = [], [track]
+        while left:
+            track = left.pop(0)
+            path = pressed(self.band.path(track))
+            length = path.curve.length
+            if length < SHORTEST / 2:
+                continue
+            try:
+                pieces.append(_fitted(path, task))
+            except BlockedError as error:
+                reached = error.reached * length
+                if reached > SHORTEST / 2:
+                    left = [track.part(0.0, error.reached), track.part(error.reached, 1.0), *left]
+                elif length > SHORTEST:
+                    left.insert(0, track.part(SHORTEST / 2 / length, 1.0))
+        return pieces
+
+
+def detours(motion: Motion, task: Task) -> tuple[int, ...]:
+    """Strokes, from 0, from whose end the arm cannot move straight in joint space to the beginning
+    of the next without coming too near to the body, itself or its surroundings.
+    """
+    arm = task.calibration or KinematicCalibration.nominal()
+    found = []
+    for stroke, (last, first) in enumerate(zip(motion.lasts, motion.starts[1:], strict=False)):
+        begin, end = (motion.lifted(row, task.X_FP, arm) for row in (last, first))
+        q = np.linspace(begin, end, WAY_SAMPLES)
+        if task.clearance is None:
+            continue
+        X_BF = arm.forward(q)
+        nowhere = np.full((len(q), 3), np.inf)
+        gap = min(task.clearance(q).min(), task.clearance.arm_to_body(q).min())
+        if min(gap, task.clearance.tool_to_body(X_BF, nowhere, 0.0).min()) < WAY_MARGIN:
+            found.append(stroke)
+    return tuple(found)
+
+
+def _fitted(path: Path, task: Task) -> Fitted:
+    planned, feed = task.plan(path)
+    return Fitted(path=path, motion=planned, feed=feed, rise=0.0)
