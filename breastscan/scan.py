@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import examination, execution, scan_log, skin_view
+from breastscan import execution, scan_log, skin_view
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
 from breastscan.checks import require_positive
@@ -25,12 +25,12 @@ from breastscan.cloud.segment import Breast, SegmentConfig
 from breastscan.control.contact import ContactConfig
 from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, NoBreastError, PlanningError
-from breastscan.examination import Coverage
 from breastscan.geometry import se3
 from breastscan.geometry.skin import Skin
-from breastscan.planning import fitting, motion, pattern
+from breastscan.planning import examination, fitting, motion, pattern
 from breastscan.planning.clearance import Body
 from breastscan.planning.coverage import CoverageConfig, Patch
+from breastscan.planning.examination import Coverage
 from breastscan.planning.feedrate import FeedrateLimits
 from breastscan.planning.fitting import Fitted, Task
 from breastscan.planning.joint_limits import Corrections, JointPathConfig

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from breastscan.examination import Coverage
 from breastscan.geometry import se3
 from breastscan.geometry.compiled import kernel
+from breastscan.planning.examination import Coverage
 from sim.tissue.phantom import Phantom
 from sim.tissue.soft import SoftTissue
 from sim.wrist.probe_face import ProbeFace
@@ -117,7 +117,8 @@ def _look(X_SP, grid_S, radius, first, last, seen):
     for i in range(len(grid_S)):
         if seen[i]:
             continue
-        x, y, z = 0.0, 0.0, radius
+        x = y = 0.0
+        z = radius
         for axis in range(3):
             away = grid_S[i, axis] - X_SP[axis, 3]
             x += X_SP[axis, 0] * away

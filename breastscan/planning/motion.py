@@ -127,11 +127,10 @@ def joined(strokes: Sequence[Motion], limit: Float[np.ndarray, "6"]) -> Motion:
         strokes: Of one path each.
         limit: Largest angle of each joint [rad].
     """
-    q, s, end = [strokes[0].q], [strokes[0].s], float(strokes[0].s[-1])
+    q, s = [strokes[0].q], [strokes[0].s]
     for stroke in strokes[1:]:
         q.append(stroke.q + _rotations(stroke.q, q[-1][-1], limit))
-        s.append(end + stroke.s)
-        end = float(s[-1][-1])
+        s.append(s[-1][-1] + stroke.s)
     counts = [len(stroke.q) for stroke in strokes]
     return replace(
         strokes[0],

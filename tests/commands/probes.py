@@ -14,7 +14,6 @@ import pytest
 from breastscan.camera.interface import StereoPair
 from breastscan.cloud import skin_fit
 from breastscan.errors import BreastScanError
-from breastscan.examination import Coverage
 from breastscan.execution import execute
 from breastscan.geometry import kinematics, se3
 from breastscan.geometry.hulls import Shape
@@ -23,6 +22,7 @@ from breastscan.geometry.skin import Skin
 from breastscan.planning import fitting, pattern
 from breastscan.planning.clearance import Body, Clearance
 from breastscan.planning.coverage import Patch
+from breastscan.planning.examination import Coverage
 from breastscan.planning.fitting import Task
 from breastscan.planning.motion import Motion
 from breastscan.robot.ur import ur5e

@@ -131,7 +131,7 @@ def test_pieces_of_a_loop_make_up_the_whole():
 
 def test_a_breast_without_room_between_the_margins_is_refused_with_the_place():
     with pytest.raises(PlanningError, match=r"no room for a stroke 12 mm wide.*mm away from it"):
-        band(config=CoverageConfig(nipple_margin=0.06, base_margin=0.03))
+        band(config=CoverageConfig(nipple_margin=0.06, base_margin=0.04))
 
 
 def test_skin_that_was_not_seen_is_not_crossed():
