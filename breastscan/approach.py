@@ -92,16 +92,6 @@ def go_above(robot: Robot, motion: Motion, beside: Place | None, start: int) -> 
     return first
 
 
-def leave(robot: Robot, motion: Motion, stroke: int, q_park: Float[np.ndarray, "6"]) -> None:
-    """After a stroke, park if no straight way leads to the next.
-
-    Raises:
-        RobotError: The robot refused.
-    """
-    if stroke in motion.detours:
-        transfer(robot, q_park)
-
-
 def transfer(robot: Robot, q: Float[np.ndarray, "6"]) -> None:
     """Move freely to joint angles [rad].
 

@@ -119,7 +119,8 @@ def execute(
         section = PathSection(motion.lasts[stroke], first, in_air, motion.clearance)
         follow(section, first, progress)
         place = None
-        approach.leave(robot, motion, stroke, q_park)
+        if stroke in motion.detours:
+            approach.transfer(robot, q_park)
     approach.transfer(robot, q_park)
     return log
 

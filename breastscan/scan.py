@@ -493,10 +493,11 @@ def plan_scan(
         corrections=config.corrections,
         calibration=robot.calibration,
     )
-    coverage = None
+    loop = coverage = None
     with stages.stage("path"):
-        loop = pattern.half_height_loop(skin, plate, planning.pattern)
-        if planning.pattern.kind != "loop":
+        if planning.pattern.kind == "loop":
+            loop = pattern.half_height_loop(skin, plate, planning.pattern)
+        else:
             patch = Patch(*drag.patch(config.contact.force, skin, planning.tissue))
             coverage = Coverage.planned(
                 skin, plate, planning.pattern.kind, planning.coverage, patch, task
@@ -512,8 +513,9 @@ def plan_scan(
 
     def loop_at(rise: float) -> SkinPath:
         """The loop, so much higher [m]."""
-        higher = pattern.half_height_loop(skin, plate, planning.pattern, rise) if rise else loop
-        return pressed(higher)
+        if rise or loop is None:
+            return pressed(pattern.half_height_loop(skin, plate, planning.pattern, rise))
+        return pressed(loop)
 
     strokes: list[Fitted] = []
     with stages.stage("motion") as progress:

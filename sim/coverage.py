@@ -7,7 +7,7 @@ an element that was in contact has passed.
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from breastscan.geometry import se3
@@ -21,8 +21,6 @@ GRID = 0.003
 """Spacing of the tissue's points [m]."""
 DEPTH = 0.040
 """Of the tissue under the skin that is to be seen [m]."""
-BEAM_HALF = 0.0065
-"""Of the image's thickness: half of the face's width [m]."""
 MM2_PER_M2 = 1e6
 
 
@@ -52,8 +50,8 @@ class Touched:
         points_P = se3.transform(se3.inverse(X_SP), self.tissue.patch().points_S)
         angles = np.arctan2(points_P[:, 0], points_P[:, 2] + self._face.radius)
         _look(
-            np.ascontiguousarray(X_SP), self._grid_S, self._face.radius, angles.min(), angles.max(),
-            self._seen,
+            np.ascontiguousarray(X_SP), self._grid_S, self._face.radius, self._face.elevation / 2,
+            angles.min(), angles.max(), self._seen,
         )  # fmt: skip
 
     def metrics(
@@ -84,10 +82,6 @@ class Touched:
             },
         }
 
-    def times_touched(self) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "n"]]:
-        """Points of the skin in S [m], and how many strokes touched each."""
-        return self.tissue.skin_points_S, self._by.sum(axis=0)
-
     def _target(self, coverage: Coverage) -> Bool[np.ndarray, "n"]:
         points_S = self.tissue.skin_points_S
         tip_S = self.phantom.embed(np.array([[0.0, 0.0, 1.0]]))[0]
@@ -110,9 +104,9 @@ def _inside(phantom: Phantom) -> Float[np.ndarray, "g 3"]:
 
 
 @kernel
-def _look(X_SP, grid_S, radius, first, last, seen):
-    """Mark the points that beams between two angles pass, of a convex array that is bent about a
-    centre behind its face.
+def _look(X_SP, grid_S, radius, half_thickness, first, last, seen):
+    """Mark the points that beams between two angles pass, as thick as the face is wide, of a convex
+    array that is bent about a centre behind its face.
     """
     for i in range(len(grid_S)):
         if seen[i]:
@@ -124,7 +118,7 @@ def _look(X_SP, grid_S, radius, first, last, seen):
             x += X_SP[axis, 0] * away
             y += X_SP[axis, 1] * away
             z += X_SP[axis, 2] * away
-        if abs(y) > BEAM_HALF or z <= 0.0 or x * x + z * z > (radius + DEPTH) ** 2:
+        if abs(y) > half_thickness or z <= 0.0 or x * x + z * z > (radius + DEPTH) ** 2:
             continue
         angle = np.arctan2(x, z)
         seen[i] = first <= angle <= last

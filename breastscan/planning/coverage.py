@@ -19,11 +19,11 @@ from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import se3
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import REACH, Skin
-from breastscan.planning import pattern
+from breastscan.planning import pattern, probe_poses
 from breastscan.planning.pattern import Kind, Path
 
-AZIMUTHS = 90
-"""At which it is looked how low the probe may go."""
+AZIMUTHS = 2.0 * np.pi * np.arange(90) / 90
+"""At which it is looked how low the probe may go [rad]."""
 LOWER = 0.6
 """Share of the breast's height below which the chest may be in the way [-]."""
 SMOOTHING = 2.0
@@ -105,11 +105,12 @@ class Band:
     """A breast's skin between a first length along every meridian, and a last one."""
 
     skin: Skin
-    plate: Plane
+    top_ab: Float[np.ndarray, "2"]
+    """Where the nipple's tip is in the skin's chart [rad]."""
     first: float
     """Length from the nipple's tip [m]."""
     last: Float[np.ndarray, "a"]
-    """The same at even azimuths [m]."""
+    """The same at `AZIMUTHS` [m]."""
 
     @staticmethod
     def reached(
@@ -128,20 +129,20 @@ class Band:
         Raises:
             PlanningError: Nothing is left between the margins.
         """
-        net = _Meridians(skin, plate, 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS)
+        net = _Meridians(skin, pattern.top(skin, plate), AZIMUTHS)
         s, heights = net.s, plate.heights(net.points_B)
         out = np.linalg.norm(net.points_B - net.points_B[:, :1], axis=2) > config.nipple_margin
         first = float(s[:, 1:][out[:, 1:]].min()) if out.any() else math.inf
         low = net.first_length(heights < config.base_margin) - width / 2
-        X_BP = net.poses()
-        clear_there = clear(X_BP.reshape(-1, 4, 4)).reshape(s.shape) & net.known
         first += width / 2
         inside = (s >= first) & (heights < LOWER * heights[:, :1])
-        low = np.minimum(low, net.first_length(inside & ~clear_there) - s[:, 1].max())
+        barred = inside & ~net.known
+        barred[inside] |= ~clear(net.poses(plate.normal)[inside])
+        low = np.minimum(low, net.first_length(barred) - s[:, 1].max())
         smooth = gaussian_filter1d(minimum_filter1d(low, 3, mode="wrap"), SMOOTHING, mode="wrap")
         low = smooth - max(float((smooth - low).max()), 0.0)
         if not low.min() > first:
-            place = net.azimuths_deg[int(np.argmin(low))]
+            place = np.degrees(AZIMUTHS[np.argmin(low)])
             raise PlanningError(
                 f"no room for a stroke {width * 1e3:.0f} mm wide between the margins of nipple and "
                 f"base {place:.0f} degrees from the robot's side: the probe can go "
@@ -149,7 +150,7 @@ class Band:
                 f"{first * 1e3:.0f} mm away from it; scan a single loop, or choose smaller margins",
                 place,
             )
-        return Band(skin=skin, plate=plate, first=first, last=low)
+        return Band(skin=skin, top_ab=net.top_ab, first=first, last=low)
 
     def path(self, track: Track) -> Path:
         """Where a track runs on the skin.
@@ -157,33 +158,26 @@ class Band:
         Raises:
             PlanningError: Skin was not seen there.
         """
-        net = _Meridians(self.skin, self.plate, track.azimuth)
+        net = _Meridians(self.skin, self.top_ab, track.azimuth)
         s = self.first + track.fraction * (self.lowest(track.azimuth) - self.first)
         path = pattern.path_on(self.skin, net.at(s), closed=track.closed)
         return replace(path, array_along=track.array_along)
 
-    def raised(self, rise: float) -> "Band":
-        """The same, ending so much earlier [m]."""
-        return replace(self, last=self.last - rise)
-
     def lowest(self, azimuth: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
         """The last length at azimuths [rad]."""
-        grid = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        return np.interp(azimuth, grid, self.last, period=2.0 * np.pi)
+        return np.interp(azimuth, AZIMUTHS, self.last, period=2.0 * np.pi)
 
     def located(
         self, p_B: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
         """Length from the nipple's tip [m] and azimuth [rad] of places near the skin."""
-        top_ab = pattern.top(self.skin, self.plate)
-        out = (self.skin.chart(p_B) - top_ab) @ pattern.towards_robot(self.skin).T
+        out = (self.skin.chart(p_B) - self.top_ab) @ pattern.towards_robot(self.skin).T
         azimuth = np.arctan2(out[:, 1], out[:, 0])
-        return _Meridians(self.skin, self.plate, azimuth).length_at(np.hypot(*out.T)), azimuth
+        return _Meridians(self.skin, self.top_ab, azimuth).length_at(np.hypot(*out.T)), azimuth
 
     def length_around(self, fraction: float) -> float:
         """Of the skin around the breast [m]."""
-        azimuth = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        points_B = self.path(Track(np.full(AZIMUTHS, fraction), azimuth)).points_B
+        points_B = self.path(Track(np.full(len(AZIMUTHS), fraction), AZIMUTHS)).points_B
         return float(np.linalg.norm(points_B - np.roll(points_B, 1, axis=0), axis=1).sum())
 
     @property
@@ -248,8 +242,7 @@ def _raster(band: Band, spacing: float) -> list[Track]:
 
 def _evenly(band: Band, dense: Track) -> Track:
     """An open track whose points are evenly spaced on the skin."""
-    dense_B = band.path(dense).points_B
-    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(dense_B, axis=0), axis=1)))
+    s = probe_poses.lengths(band.path(dense).points_B)
     even = np.linspace(0.0, s[-1], max(math.ceil(s[-1] / POINT_SPACING) + 1, FEWEST_POINTS))
     return replace(
         dense,
@@ -268,19 +261,17 @@ _TRACKS: dict[Kind, Callable[[Band, float], list[Track]]] = {
 class _Meridians:
     """The skin along curves of constant azimuth about the nipple's tip."""
 
-    def __init__(self, skin: Skin, plate: Plane, azimuths: np.ndarray) -> None:
+    def __init__(self, skin: Skin, top_ab: np.ndarray, azimuths: np.ndarray) -> None:
         self._skin = skin
-        self._top_ab = pattern.top(skin, plate)
+        self.top_ab = top_ab
         self._out = np.column_stack([np.cos(azimuths), np.sin(azimuths)]) @ pattern.towards_robot(
             skin
         )
         self._t = np.linspace(0.0, REACH, STEPS)
-        self._up_B = plate.normal
-        self.azimuths_deg = np.degrees(azimuths)
 
     @cached_property
     def _ab(self) -> np.ndarray:
-        return self._top_ab + self._t[:, None] * self._out[:, None]
+        return self.top_ab + self._t[:, None] * self._out[:, None]
 
     @cached_property
     def points_B(self) -> np.ndarray:
@@ -301,7 +292,7 @@ class _Meridians:
     def at(self, s: np.ndarray) -> np.ndarray:
         """The chart's coordinates at a length of every meridian [rad]."""
         t = [np.interp(one, row, self._t) for one, row in zip(s, self.s, strict=True)]
-        return self._top_ab + np.array(t)[:, None] * self._out
+        return self.top_ab + np.array(t)[:, None] * self._out
 
     def length_at(self, t: np.ndarray) -> np.ndarray:
         """Length of every meridian at a distance from the tip in the chart [rad]."""
@@ -313,10 +304,10 @@ class _Meridians:
         there[:, -1] = True
         return self.s[np.arange(len(there)), np.argmax(there, axis=1)]
 
-    def poses(self) -> np.ndarray:
-        """Of the probe on every point, its array along the chest."""
+    def poses(self, up_B: np.ndarray) -> np.ndarray:
+        """Of the probe on every point, its array across the chest's normal."""
         z_B = -self._skin.normals(self._ab.reshape(-1, 2))
-        x_B = np.cross(self._up_B, z_B)
+        x_B = np.cross(up_B, z_B)
         x_B /= np.maximum(np.linalg.norm(x_B, axis=1, keepdims=True), 1e-9)
         rotation = np.stack([x_B, np.cross(z_B, x_B), z_B], axis=-1)
         return se3.pose(rotation, self.points_B.reshape(-1, 3)).reshape(*self._ab.shape[:2], 4, 4)

@@ -25,13 +25,6 @@ ARRAY_TOLERANCE = math.radians(30.0)
 
 ROLL_ROOM = math.radians(10.0)
 """To either side, by which the array can roll away from a singularity of the wrist [rad]."""
-GAPS = {
-    "not seen": "no camera pair saw it",
-    "near the chest": "the probe would come too near to the chest",
-    "near the nipple": "the probe has to keep away from the nipple",
-    "missed": "a stroke was planned there, and the arm could not follow it or touched beside it",
-}
-"""Why skin between the margins may not have been touched."""
 WAY_SAMPLES = 60
 """Of the way from stroke to stroke, that are looked at."""
 WAY_MARGIN = 0.01
@@ -76,7 +69,6 @@ class Coverage:
         Raises:
             PlanningError: There is no room for them, or skin was not seen.
         """
-        swath = coverage.swath(kind, patch)
         limits = Limits(
             X_FP=task.X_FP,
             config=replace(task.config, body_margin=task.config.body_margin + RESERVE),
@@ -89,11 +81,14 @@ class Coverage:
             return ~np.any([limits.near_body(X) for X in sides], axis=0)
 
         band = Band.reached(skin, plate, config, patch.width, clear)
-        tracks = coverage.tracks(kind, band, swath * (1.0 - config.overlap))
+        spacing = coverage.swath(kind, patch) * (1.0 - config.overlap)
+        tracks = coverage.tracks(kind, band, spacing)
         return Coverage(kind=kind, config=config, patch=patch, band=band, tracks=tracks)
 
     def why_not(self, p_B: Float[np.ndarray, "n 3"]) -> Shaped[np.ndarray, "n"]:
-        """Why skin at some places was not touched: a word each of `GAPS`.
+        """Why skin at some places was not touched, a word each: no cameras saw it (`not seen`), the
+        probe has to keep away from chest or nipple (`near the chest`, `near the nipple`), or the
+        arm could not follow the stroke that was planned, or touched beside it (`missed`).
 
         Args:
             p_B: On the skin, when it was seen [m].
@@ -167,17 +162,19 @@ def detours(motion: Motion, task: Task) -> tuple[int, ...]:
     """Strokes, from 0, from whose end the arm cannot move straight in joint space to the beginning
     of the next without coming too near to the body, itself or its surroundings.
     """
-    arm = task.calibration or KinematicCalibration.nominal()
+    if task.clearance is None:
+        return ()
+    arm, nowhere = task.calibration or KinematicCalibration.nominal(), np.full(3, np.inf)
     found = []
-    for stroke, (last, first) in enumerate(zip(motion.lasts, motion.starts[1:], strict=False)):
+    for stroke, (last, first) in enumerate(zip(motion.lasts[:-1], motion.starts[1:], strict=True)):
         begin, end = (motion.lifted(row, task.X_FP, arm) for row in (last, first))
         q = np.linspace(begin, end, WAY_SAMPLES)
-        if task.clearance is None:
-            continue
-        X_BF = arm.forward(q)
-        nowhere = np.full((len(q), 3), np.inf)
-        gap = min(task.clearance(q).min(), task.clearance.arm_to_body(q).min())
-        if min(gap, task.clearance.tool_to_body(X_BF, nowhere, 0.0).min()) < WAY_MARGIN:
+        gaps = (
+            task.clearance(q),
+            task.clearance.arm_to_body(q),
+            task.clearance.tool_to_body(arm.forward(q), np.tile(nowhere, (len(q), 1)), 0.0),
+        )
+        if np.min(gaps) < WAY_MARGIN:
             found.append(stroke)
     return tuple(found)
 

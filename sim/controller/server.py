@@ -132,10 +132,8 @@ class Server:
         the answer is waited for, it is told at once.
         """
         self._exchange(0.0)
-        clients = list(self._client_of.values())
-        self._faults.count(
-            sum(client.rtde.commands for client in clients if client.rtde is not None)
-        )
+        connections = [client.rtde for client in self._client_of.values()]
+        self._faults.count(sum(one.commands for one in connections if one is not None))
         if self.controller.config.clock == "real-time":
             self._tell()
         self._dashboard.cycle()

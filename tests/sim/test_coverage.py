@@ -60,15 +60,15 @@ def test_a_press_touches_a_patch_of_its_size_and_sees_under_it(examined):
     X_SP = se3.pose(R_SP, p_S[0] - 0.0055 * n_S[0])
     twin.tissue.press(X_SP, np.zeros(3))
     touched.add(0.5, X_SP)
-    points_S, times = touched.times_touched()
-    across = (points_S[times > 0] - p_S[0]) @ R_SP
+    loaded = twin.tissue.touched
+    across = (twin.tissue.skin_points_S[loaded] - p_S[0]) @ R_SP
     twin.tissue.reset()
     assert 26.0 < np.ptp(across[:, 0]) * 1e3 < 38.0
     assert 9.0 < np.ptp(across[:, 1]) * 1e3 < 16.0
     coverage = result.plan.coverage
     assert coverage is not None
     once = touched.metrics(coverage, twin.scene.X_BS)
-    area = twin.tissue.skin_areas[times > 0].sum() * 1e6
+    area = twin.tissue.skin_areas[loaded].sum() * 1e6
     assert 250.0 < area < 500.0
     assert once["coverage_twice_pct"] == 0.0
     assert 0.0 < once["coverage_skin_pct"] < 6.0
