@@ -35,6 +35,10 @@ def planned_and_executed(path_B: Float[np.ndarray, "k 3"], trajectory: Trajector
     figure, ((top, side),) = theme.panels(1, 2, height_in=4.4, width_ratios=(1.1, 1.0))
     lifted = 1 + np.flatnonzero(np.diff(np.flatnonzero(loop)) > 1)
     _draw_top_view(top, path_B * MM_PER_M, planned_mm, executed_mm, lifted)
+    if lifted.size:  # inner strokes leave no room
+        theme.legend_below(figure, top.get_lines(), 3)
+    else:
+        theme.legend_within(top)
     s_mm[lifted] = np.nan
     side.plot(s_mm, planned_mm[:, 2], **theme.PLANNED_LINE)
     side.plot(s_mm, executed_mm[:, 2], **theme.MEASURED_LINE)
@@ -95,9 +99,12 @@ def _draw_top_view(
     executed_mm: Float[np.ndarray, "n 3"],
     lifted: Int[np.ndarray, "lifts"],
 ) -> None:
-    """Its lines are broken at rows before which the probe was lifted."""
-    deviations_mm = executed_mm - planned_mm
-    factor = magnification(deviations_mm, extent=float(np.ptp(planned_mm, axis=0).max()))
+    """Its lines are broken at rows before which the probe was lifted. Of several strokes, which lie
+    beside each other, deviations are not enlarged.
+    """
+    deviations_mm, factor = executed_mm - planned_mm, 1.0
+    if not lifted.size:
+        factor = magnification(deviations_mm, extent=float(np.ptp(planned_mm, axis=0).max()))
     shown_mm = planned_mm + factor * deviations_mm
     planned_mm = planned_mm.copy()
     shown_mm[lifted] = planned_mm[lifted] = np.nan
@@ -123,7 +130,6 @@ def _draw_top_view(
     theme.title(axis, "From above")
     axis.set(xlabel="x in B [mm]", ylabel="y in B [mm]", aspect="equal")
     axis.margins(0.1)
-    theme.legend_within(axis)
 
 
 def _label_offset(points_mm: Float[np.ndarray, "k 3"], index: int) -> tuple[float, float]:
