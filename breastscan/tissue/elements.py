@@ -8,7 +8,6 @@ import numpy as np
 import scipy.sparse
 import skfem
 from jaxtyping import Bool, Float, Int
-from skfem.helpers import ddot, sym_grad, trace
 from skfem.models.elasticity import lame_parameters
 
 from breastscan.tissue.mesh import TetMesh
@@ -40,15 +39,21 @@ def stiffness(
         ratio: Young's modulus at the quadrature points over 1 Pa [-].
     """
     first, second = lame_parameters(1.0, poisson)
-
-    def energy(u, v, w):
-        strain = sym_grad(u)
-        return w.ratio * (
-            2 * second * ddot(strain, sym_grad(v)) + first * trace(strain) * trace(sym_grad(v))
-        )
-
-    ratio = np.broadcast_to(ratio, basis.dx.shape)
-    return scipy.sparse.csr_array(skfem.BilinearForm(energy).assemble(basis, ratio=ratio))
+    # a tenth of the time of a form for each of 900 pairs: the products of all gradients first
+    gradients = np.stack([np.asarray(shape[0].grad)[0] for shape in basis.basis[::3]])
+    shapes, axes, elements, _ = gradients.shape
+    by_element = np.moveaxis(gradients, 2, 0).reshape(elements, shapes * axes, -1)
+    weights = np.broadcast_to(ratio, basis.dx.shape) * basis.dx
+    products = (by_element * weights[:, None]) @ by_element.transpose(0, 2, 1)
+    products = products.reshape(elements, shapes, axes, shapes, axes)
+    local = first * products + second * products.transpose(0, 1, 4, 3, 2)
+    local += second * np.einsum("eakbk,ij->eaibj", products, np.eye(axes))
+    unknowns = np.asarray(basis.element_dofs).T
+    rows = np.broadcast_to(unknowns[:, :, None], (*unknowns.shape, unknowns.shape[1]))
+    columns = np.broadcast_to(unknowns[:, None], rows.shape)
+    return scipy.sparse.csr_array(
+        (local.ravel(), (rows.ravel(), columns.ravel())), shape=(basis.N, basis.N)
+    )
 
 
 class ClampedBody:

@@ -182,6 +182,25 @@ def _distance_and_slope(face, x, y, z, ix, iy, iz):
 
 @numba.njit(cache=True)
 @no_type_check
+def displace_skin(normals_S, load, flexibility, neighbours, weights, element_response_S):
+    """How far the loads move every vertex [m]: along its normal by the flexibility, across it as
+    `_sideways`.
+    """
+    vertices = np.arange(len(load))
+    moved_S = _sideways(normals_S, vertices, load, neighbours, weights, element_response_S)
+    inward = np.zeros(len(load), np.float32)  # as exact as the flexibility
+    for j in np.nonzero(load)[0]:
+        row, pressing = flexibility[j], np.float32(load[j])
+        for i in range(len(inward)):
+            inward[i] += row[i] * pressing
+    for i in range(len(inward)):
+        for c in range(3):
+            moved_S[i, c] -= inward[i] * normals_S[i, c]
+    return moved_S
+
+
+@numba.njit(cache=True)
+@no_type_check
 def _sideways(normals_S, index, load, neighbours, weights, element_response_S):
     """How far the loads move the skin across its normals at the vertices `index`, of those normals
     [m].

@@ -18,7 +18,7 @@ from sim.tissue.complementarity import Solved
 from sim.tissue.compliance import SkinCompliance
 from sim.tissue.compliance_cache import cached_compliance
 from sim.tissue.contact import Contact, ContactPatch
-from sim.tissue.contact_kernel import press_skin
+from sim.tissue.contact_kernel import displace_skin, press_skin
 from sim.tissue.contact_surface import contact_surface
 from sim.tissue.interpolation import interpolation_matrix, interpolation_weights
 from sim.tissue.phantom import Phantom
@@ -143,25 +143,10 @@ class SoftTissue:
         the elements'.
         """
         surface = self._surface
-        loaded = np.nonzero(self._load)[0]
-        on_elements = self._from_elements.T @ self._load
-        pressed = np.nonzero(on_elements)[0]  # a tenth of them
-        response_S = np.tensordot(
-            on_elements[pressed].astype(np.float32), self._compliance.response_S[pressed], axes=1
-        )
-        across_S = self._from_elements @ response_S
-        # as exact as the flexibility, which is not converted
-        inward = self._load[loaded].astype(np.float32) @ surface.flexibility[loaded]
-        along = inward + np.einsum("nc,nc->n", across_S, surface.normals_S)
-        return across_S - along[:, None] * surface.normals_S
-
-    @cached_property
-    def _from_elements(self) -> scipy.sparse.csr_array:
-        """Interpolation from the finite elements' vertices to the contact points."""
-        surface = self._surface
-        return interpolation_matrix(
-            surface.neighbours, surface.weights, len(self._compliance.areas)
-        )
+        return displace_skin(
+            surface.normals_S, self._load, surface.flexibility, surface.neighbours,
+            surface.weights, self._element_response_S,
+        )  # fmt: skip
 
     @cached_property
     def _to_skin(self) -> scipy.sparse.csr_array:

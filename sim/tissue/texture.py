@@ -2,21 +2,24 @@
 
 Everything is a sum of periodic noises of one wavelength each; an image can therefore be tiled. Skin
 and speckle are rich enough for stereo matching everywhere; smooth skin and plastic are not, as they
-are not in life.
+are not in life. Colours are mixed in single precision: 256 levels need no more, and it takes a
+third of the time.
 """
 
 import numpy as np
-from jaxtyping import Float, UInt8
+import scipy.fft
+from jaxtyping import Float, Float32, UInt8
+from scipy.special import expit
 
-SKIN_TONE = np.array([220.0, 181.0, 163.0])
-AREOLA_TONE = np.array([170.0, 108.0, 98.0])
-FRECKLE_TINT = np.array([-58.0, -66.0, -66.0])
-PLASTIC_TONE = np.array([206.0, 209.0, 212.0])
+SKIN_TONE = np.array([220.0, 181.0, 163.0], np.float32)
+AREOLA_TONE = np.array([170.0, 108.0, 98.0], np.float32)
+FRECKLE_TINT = np.array([-58.0, -66.0, -66.0], np.float32)
+PLASTIC_TONE = np.array([206.0, 209.0, 212.0], np.float32)
 PRINTED_RING = 3e-3
 """Spacing of the rings that a printer leaves, as coarse as a camera still sees [m]."""
-VEIN_TINT = np.array([-12.0, -4.0, 1.0])
-GRAIN_TINT = np.array([1.1, 1.0, 0.95])
-BLUSH_TINT = np.array([0.4, -0.7, -0.5])
+VEIN_TINT = np.array([-12.0, -4.0, 1.0], np.float32)
+GRAIN_TINT = np.array([1.1, 1.0, 0.95], np.float32)
+BLUSH_TINT = np.array([0.4, -0.7, -0.5], np.float32)
 BANDWIDTH = 0.25
 """Relative width of a noise's band (standard deviation) [-]."""
 NEGLIGIBLE = 9.0
@@ -38,29 +41,30 @@ def skin(
         areola_radius: Radius of the areola [m]; 0 for none.
     """
 
-    def noise(wavelength: float) -> Float[np.ndarray, "size size"]:
-        return band_noise(rng, size, wavelength / pixel)
+    def noise(wavelength: float) -> Float32[np.ndarray, "size size"]:
+        return band_noise(rng, size, wavelength / pixel).astype(np.float32)
 
     areola = (
         _disc(size, areola_radius / pixel, 0.05 * noise(8e-3))
         if areola_radius
-        else np.zeros((size, size))
+        else np.zeros((size, size), np.float32)
     )
     blush = noise(30e-3)
     veins, vein_patches = noise(36e-3), noise(40e-3)
     grain = 10 * noise(2.2e-3) + 10 * noise(4e-3) + 4 * noise(8e-3)
     freckles, freckle_patches = noise(3.2e-3), noise(25e-3)
+    tints = [AREOLA_TONE - SKIN_TONE, 2 * BLUSH_TINT, VEIN_TINT, GRAIN_TINT, FRECKLE_TINT]
     image = np.empty((size, size, 3), np.uint8)
     for top in range(0, size, STRIP):  # a few rows fit the cache, the whole does not
         rows = slice(top, top + STRIP)
-        colour = SKIN_TONE + areola[rows, :, None] * (AREOLA_TONE - SKIN_TONE)
-        colour += 2 * blush[rows, :, None] * BLUSH_TINT
         vein = _ridge(veins[rows], 0.16) * _patches(vein_patches[rows]) * (1 - areola[rows])
-        colour += vein[..., None] * VEIN_TINT
-        colour += grain[rows, :, None] * GRAIN_TINT
         freckle = _spots(freckles[rows], 1.3) * _patches(freckle_patches[rows])
-        colour += freckle[..., None] * FRECKLE_TINT
-        image[rows] = np.clip(np.rint(colour), 0, 255)
+        layers = [areola[rows], blush[rows], vein, grain[rows], freckle]
+        for c in range(3):
+            colour = np.full(vein.shape, SKIN_TONE[c])
+            for layer, tint in zip(layers, tints, strict=True):
+                colour += layer * tint[c]
+            image[rows, :, c] = np.clip(np.rint(colour), 0, 255)
     return image
 
 
@@ -80,9 +84,9 @@ def smooth(
     arguments as for `skin`.
     """
     areola = (
-        _disc(size, areola_radius / pixel, np.zeros((size, size)))
+        _disc(size, areola_radius / pixel, np.zeros((size, size), np.float32))
         if areola_radius
-        else np.zeros((size, size))
+        else np.zeros((size, size), np.float32)
     )
     image = SKIN_TONE + areola[..., None] * (AREOLA_TONE - SKIN_TONE)
     image += 2 * band_noise(rng, size, 30e-3 / pixel)[..., None] * BLUSH_TINT
@@ -112,10 +116,10 @@ def band_noise(
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], across)
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
-    white = np.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
-    spectrum = np.fft.fft(white, axis=0) * gain
+    white = scipy.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
+    spectrum = scipy.fft.fft(white, axis=0) * gain
     spectrum /= _deviation(spectrum, size)
-    return np.fft.irfft(np.fft.ifft(spectrum, axis=0), n=size, axis=1)
+    return scipy.fft.irfft(scipy.fft.ifft(spectrum, axis=0), n=size, axis=1)
 
 
 def _deviation(spectrum: np.ndarray, size: int) -> float:
@@ -129,7 +133,7 @@ def _deviation(spectrum: np.ndarray, size: int) -> float:
 
 def _spots(noise: np.ndarray, threshold: float) -> np.ndarray:
     """0 to 1: soft-edged blobs where the noise is above the threshold."""
-    return 1 / (1 + np.exp(-4 * (noise - threshold)))
+    return expit(4 * (noise - threshold))
 
 
 def _patches(noise: np.ndarray) -> np.ndarray:
@@ -144,6 +148,6 @@ def _ridge(noise: np.ndarray, width: float) -> np.ndarray:
 
 def _disc(size: int, radius_px: float, edge: np.ndarray) -> np.ndarray:
     """1 inside a disc in the centre, 0 outside, with a soft edge displaced by `edge` (in radii)."""
-    axis = np.arange(size) + 0.5 - size / 2
+    axis = np.arange(size, dtype=np.float32) + (1 - size) / 2
     distance = np.hypot(axis[:, None], axis[None, :]) / radius_px + edge
-    return 1 / (1 + np.exp((distance - 1) / 0.06))
+    return expit((1 - distance) / 0.06)
