@@ -39,6 +39,7 @@ from breastscan.planning.pattern import Path as SkinPath
 from breastscan.planning.pattern import PatternConfig
 from breastscan.robot.interface import Robot
 from breastscan.run import metrics
+from breastscan.run.skin_map import MAP_FILE, SkinMap
 from breastscan.run.trajectory import LOG_FILE, Sample, Trajectory
 from breastscan.run.writing import (
     write_cloud,
@@ -246,6 +247,8 @@ class ScanResult:
     """What was measured, named as in docs/data.md; empty where the loop was never reached."""
     wall_s: dict[str, float]
     """Wall time of each stage [s]."""
+    skin_map: SkinMap | None = None
+    """Which skin was touched; None where that is not known, or a single loop was scanned."""
 
     def summary(self) -> dict[str, Any]:
         """What `metrics.json` holds: the metrics, and the wall time of each stage [s]."""
@@ -269,6 +272,8 @@ class ScanResult:
         write_image(folder / "disparity.png", disparity_picture(self.reconstruction.disparity))
         write_cloud(folder / "cloud.ply", self.plan.points_B, self.plan.normals_B)
         write_path(folder / "path.csv", *self.plan.points_of_strokes)
+        if self.skin_map is not None:
+            self.skin_map.save(folder / MAP_FILE)
         self.trajectory.save(folder / LOG_FILE, seed=seed)
 
 
@@ -498,11 +503,11 @@ def plan_scan(
         if planning.pattern.kind == "loop":
             loop = pattern.half_height_loop(skin, plate, planning.pattern)
         else:
+            task = examination.held(task)
             patch = Patch(*drag.patch(config.contact.force, skin, planning.tissue))
             coverage = Coverage.planned(
                 skin, plate, planning.pattern.kind, planning.coverage, patch, task
             )
-            task = coverage.held(task)
     with stages.stage("drag"):
         tissue = PressedBreast.perceived(points_B, plate, planning.tissue)
 

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from breastscan.geometry import se3
 from breastscan.geometry.compiled import kernel
 from breastscan.planning.examination import Coverage
+from breastscan.run.skin_map import SkinMap
 from sim.tissue.phantom import Phantom
 from sim.tissue.soft import SoftTissue
 from sim.wrist.probe_face import ProbeFace
@@ -81,6 +82,14 @@ class Touched:
                 for reason in np.unique(reasons).tolist()
             },
         }
+
+    def skin_map(self, coverage: Coverage, X_BS: Float[np.ndarray, "4 4"]) -> SkinMap:
+        """By how many strokes each point of the skin was touched; arguments as for `metrics`."""
+        return SkinMap(
+            points_B=se3.transform(X_BS, self.tissue.skin_points_S),
+            strokes=self._by.sum(axis=0),
+            wanted=self._target(coverage),
+        )
 
     def _target(self, coverage: Coverage) -> Bool[np.ndarray, "n"]:
         points_S = self.tissue.skin_points_S

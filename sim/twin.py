@@ -107,11 +107,13 @@ class Twin:
             touched = Touched(self.scene.phantom, self.tissue, ends)
         trajectory, contact = self.contact_metrics(result.trajectory, result.config, touched)
         metrics = self._perception_metrics(result) | result.metrics | contact
+        skin_map = None
         if touched is not None and result.plan.coverage is not None:
             X_BS = self.scene.X_BS_at(result.images.time)
+            skin_map = touched.skin_map(result.plan.coverage, X_BS)
             metrics |= touched.metrics(result.plan.coverage, X_BS)
             metrics["examination_time_s"] = metrics["scan_time_s"]
-        return replace(result, trajectory=trajectory, metrics=metrics)
+        return replace(result, trajectory=trajectory, metrics=metrics, skin_map=skin_map)
 
     def contact_metrics(
         self, trajectory: Trajectory, config: ScanConfig, touched: Touched | None = None

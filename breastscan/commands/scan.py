@@ -29,6 +29,7 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.robot.ur import preflight
 from breastscan.robot.ur.priority import priority
 from breastscan.robot.ur.worker import LinkLimits
+from breastscan.run.reading import OPTIONAL_FILES
 from breastscan.run.unfinished import ABORTED, CELL_FILE, TRUTH_FILE, settings_file
 from breastscan.run.writing import require_writable, staged
 from breastscan.scan import CutOff, ScanConfig, Stages
@@ -176,7 +177,7 @@ def _scan_twin(
     estimated = None if rig is None else StereoRig.load(rig)
     whole = {**settings, **vars(config)}
     require_writable(whole)
-    with staged(out) as folder, progress_bars() as listener:
+    with staged(out, OPTIONAL_FILES) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with Twin(scene, seed=settings["seed"], rig=estimated, stages=stages) as twin:
 
@@ -290,7 +291,7 @@ def _scan_robot(
         with kept(*known), priority():
             yield
 
-    with staged(out) as folder, progress_bars() as listener:
+    with staged(out, OPTIONAL_FILES) as folder, progress_bars() as listener:
         stages = Stages(listener)
         with preflight.opened(cell.rtde(host)) as arm:
             result = run_scan(

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from breastscan.commands import resumption
 from breastscan.commands.console import Out, Seed, console, progress_bars
 from breastscan.commands.results import leave, summarise, tell_plan
+from breastscan.run.reading import OPTIONAL_FILES
 from breastscan.run.writing import require_writable, staged
 from breastscan.scan import ScanConfig, ScanPlan, Stages, scan
 from breastscan.vision.camera import StereoRig
@@ -71,7 +72,7 @@ def view(
         tell_plan(plan)
 
     with twin, LiveView(twin.scene, live, config.contact.force) as viewer:
-        with staged(out) as folder:
+        with staged(out, OPTIONAL_FILES) as folder:
             stages = Stages(viewer.stage)
             viewer.follow(twin.robot)
             with stages.stage("cameras"):

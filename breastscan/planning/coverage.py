@@ -33,6 +33,9 @@ STEPS = 400
 POINT_SPACING = 0.008
 """Between the points of a stroke [m]."""
 FEWEST_POINTS = 8
+TWICE_CLOSER = 0.8
+"""Distance of loops that are to touch everything twice, over that of those that do so once [-]: a
+loaded loop is far wider than its swath where skin is bent, which is all but next to the chest."""
 SAMPLES = 400
 """Of a track from which those are chosen."""
 
@@ -50,6 +53,8 @@ class CoverageConfig:
     """Height over the chest below which none need be [m]."""
     overlap: float = 0.1
     """Share of a stroke's swath that the next touches again [-]."""
+    twice: bool = False
+    """Whether every place is to be touched by two strokes."""
 
     def __post_init__(self) -> None:
         require_positive(self, "planning.coverage", but=("overlap",))
@@ -80,6 +85,14 @@ class Track:
     """About the nipple's tip, counter-clockwise from the robot's side [rad]."""
     closed: bool = False
     array_along: bool = False
+    back: bool = False
+    """Whether it is followed back as well, by a stroke of its own."""
+
+    @property
+    def reversed(self) -> "Track":
+        """The way back alone."""
+        there = replace(self, fraction=self.fraction[::-1], azimuth=self.azimuth[::-1])
+        return replace(there, back=False)
 
     def part(self, begin: float, end: float) -> "Track":
         """An open piece of it, between shares of its evenly spaced points [-]."""
@@ -191,7 +204,7 @@ def swath(kind: Kind, patch: Patch) -> float:
     return patch.width if kind == "loops" else patch.length
 
 
-def tracks(kind: Kind, band: Band, spacing: float) -> list[Track]:
+def tracks(kind: Kind, band: Band, spacing: float, *, twice: bool = False) -> list[Track]:
     """The strokes of a pattern in the map, each beginning near the end of the one before.
 
     `loops` go round with the array along them, from the chest up, where the arm has the least
@@ -202,8 +215,17 @@ def tracks(kind: Kind, band: Band, spacing: float) -> list[Track]:
         kind: Which, but a single loop.
         band: Where.
         spacing: From stroke to stroke [m].
+        twice: Whether every place is to be touched by two strokes: loops at the margins, which have
+            one neighbour, are followed back as well, and all lie `TWICE_CLOSER`; other strokes lie
+            half as far apart.
     """
-    return _TRACKS[kind](band, spacing)
+    if not twice:
+        return _TRACKS[kind](band, spacing)
+    if kind != "loops":
+        return _TRACKS[kind](band, spacing / 2.0)
+    loops = _loops(band, TWICE_CLOSER * spacing)
+    last = len(loops) - 1
+    return [replace(loop, back=k in (0, last)) for k, loop in enumerate(loops)]
 
 
 def _loops(band: Band, spacing: float) -> list[Track]:

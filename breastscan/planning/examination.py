@@ -23,8 +23,11 @@ from breastscan.planning.roll_graph import BlockedError, rolled
 ARRAY_TOLERANCE = math.radians(30.0)
 """How far the array may roll away from how a pattern has it lie [rad]."""
 
-ROLL_ROOM = math.radians(10.0)
+ROLL_ROOM = math.radians(5.0)
 """To either side, by which the array can roll away from a singularity of the wrist [rad]."""
+BODY_MARGIN = 0.0025
+"""Smallest planned gap between the body and the probe, rolled so far and as deep as in the softest
+tissue [m]: in usual tissue, the array level, 4 mm more. A single loop need not go so low."""
 WAY_SAMPLES = 60
 """Of the way from stroke to stroke, that are looked at."""
 WAY_MARGIN = 0.01
@@ -64,7 +67,7 @@ class Coverage:
             kind: The pattern, but a single loop.
             config: Its margins.
             patch: What the probe touches at a time.
-            task: What the strokes are planned with.
+            task: What the strokes are planned with, as `held` has it.
 
         Raises:
             PlanningError: There is no room for them, or skin was not seen.
@@ -82,7 +85,7 @@ class Coverage:
 
         band = Band.reached(skin, plate, config, patch.width, clear)
         spacing = coverage.swath(kind, patch) * (1.0 - config.overlap)
-        tracks = coverage.tracks(kind, band, spacing)
+        tracks = coverage.tracks(kind, band, spacing, twice=config.twice)
         return Coverage(kind=kind, config=config, patch=patch, band=band, tracks=tracks)
 
     def why_not(self, p_B: Float[np.ndarray, "n 3"]) -> Shaped[np.ndarray, "n"]:
@@ -101,23 +104,14 @@ class Coverage:
         reasons[~self.band.skin.known(self.band.skin.chart(p_B))] = "not seen"
         return reasons
 
-    def held(self, task: Task) -> Task:
-        """The task with the probe upright, which else touches skin beside its stroke, and the array
-        held as the pattern has it.
-        """
-        held = replace(
-            task.config,
-            roll_tolerance=min(task.config.roll_tolerance, ARRAY_TOLERANCE),
-            largest_tilt=0.0,
-            clearance=min(task.config.clearance, CLEARANCE),
-        )
-        return replace(task, config=held)
-
     def fitted(
         self, pressed: Pressed, task: Task, progress: Callable[[float], None]
     ) -> list[Fitted]:
         """The strokes, each in as few pieces as the arm can follow: where it cannot go on as it is
         bent, it leaves the skin and comes back otherwise. What it can follow in no way is left out.
+
+        The first, next to the chest, most often falls into pieces in other postures, so it is
+        planned after the others, which keep to one; its last piece is the nearest to them.
 
         Args:
             pressed: Turns a path's normals to those of the places to press for it.
@@ -127,35 +121,55 @@ class Coverage:
         Raises:
             PlanningError: The arm can follow none of them.
         """
+        first, *others = self.tracks
         pieces: list[Fitted] = []
-        for number, track in enumerate(self.tracks):
+        for number, track in enumerate(others):
             progress(number / len(self.tracks))
             before = pieces[-1].motion.q[-1] if pieces else None
-            own = self._fit(track, pressed, replace(task, q_before=before))
-            # the next stroke goes on from the longest
-            pieces += sorted(own, key=lambda piece: float(piece.motion.s[-1]))
+            pieces += self._fit(track, pressed, task, before)
+        after = pieces[0].motion.q[0] if pieces else None
+        pieces = self._fit(first, pressed, task, after)[::-1] + pieces
         if not pieces:
-            _fitted(pressed(self.band.path(self.tracks[0])), task)  # says why
+            _fitted(pressed(self.band.path(first)), task)  # says why
         return pieces
 
-    def _fit(self, track: Track, pressed: Pressed, task: Task) -> list[Fitted]:
-        """The pieces of a stroke."""
+    def _fit(
+        self, track: Track, pressed: Pressed, task: Task, before: np.ndarray | None
+    ) -> list[Fitted]:
+        """The pieces of a stroke, the first begun from near some joint angles [rad], if given."""
         pieces, left = [], [track]
         while left:
             track = left.pop(0)
             path = pressed(self.band.path(track))
             length = path.curve.length
-            if length < SHORTEST / 2:
+            if length < SHORTEST:
                 continue
             try:
-                pieces.append(_fitted(path, task))
+                pieces.append(_fitted(path, replace(task, q_before=before)))
+                before = pieces[-1].motion.q[-1]
+                if track.back:
+                    left.insert(0, track.reversed)
             except BlockedError as error:
                 reached = error.reached * length
                 if reached > SHORTEST / 2:
                     left = [track.part(0.0, error.reached), track.part(error.reached, 1.0), *left]
-                elif length > SHORTEST:
+                else:
                     left.insert(0, track.part(SHORTEST / 2 / length, 1.0))
         return pieces
+
+
+def held(task: Task) -> Task:
+    """The task with the probe upright, which else touches skin beside its stroke, the array held as
+    the pattern has it, and the probe let nearer to the body.
+    """
+    config = replace(
+        task.config,
+        roll_tolerance=min(task.config.roll_tolerance, ARRAY_TOLERANCE),
+        largest_tilt=0.0,
+        clearance=min(task.config.clearance, CLEARANCE),
+        body_margin=min(task.config.body_margin, BODY_MARGIN),
+    )
+    return replace(task, config=config)
 
 
 def detours(motion: Motion, task: Task) -> tuple[int, ...]:

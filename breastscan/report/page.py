@@ -33,6 +33,7 @@ def page(run: Run) -> str:
         sections.summary(run),
         sections.perception(run),
         sections.path(run),
+        sections.coverage(run),
         sections.joints(run),
         sections.contact(run),
         sections.time(run),

@@ -11,6 +11,7 @@ from breastscan.report import (
     catalogue,
     cloud_view,
     contact_figures,
+    coverage_figure,
     html,
     joint_figures,
     origin,
@@ -128,6 +129,22 @@ def path(run: Run) -> str:
             "21 of the paper.",
         ),
         _table4(run),
+    )
+
+
+def coverage(run: Run) -> str:
+    """Which skin was touched; nothing for a single loop."""
+    if run.skin_map is None:
+        return ""
+    return html.section(
+        "Coverage",
+        html.drawing(
+            coverage_figure.skin_map(run.skin_map),
+            "The breast's skin laid flat about the nipple, each point coloured by how many strokes "
+            "have touched it",
+            "The true skin, laid flat: distance from the nipple's tip, and azimuth. A point counts "
+            "as touched where it bore load. The same points are a cloud in the file coverage.ply.",
+        ),
     )
 
 

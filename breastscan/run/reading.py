@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.run.clouds import read_cloud
 from breastscan.run.columns import PATH, STROKE, names
+from breastscan.run.skin_map import MAP_FILE, SkinMap
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 
 REQUIRED_FILES = (
@@ -28,6 +29,8 @@ REQUIRED_FILES = (
 """What `breastscan scan` always writes; a video only where there is a scene to film."""
 
 VIDEO_FILE = "scan.mp4"
+OPTIONAL_FILES = (VIDEO_FILE, MAP_FILE)
+"""What only some scans write."""
 UNIT_TOLERANCE = 0.01
 """How far the length of a normal may be from 1: rounded files."""
 
@@ -54,6 +57,8 @@ class Run:
     trajectory: Trajectory
     has_video: bool
     """Whether a film lies beside the page."""
+    skin_map: SkinMap | None
+    """Which skin an examination has touched; None for a single loop, or where it is not known."""
 
     @staticmethod
     def load(folder: Path) -> "Run":
@@ -75,6 +80,7 @@ class Run:
             normals_B=normals_B,
             trajectory=Trajectory.load(folder / LOG_FILE),
             has_video=(folder / VIDEO_FILE).is_file(),
+            skin_map=_read_map(folder / MAP_FILE),
         )
 
 
@@ -92,6 +98,13 @@ def _unreadable(path: Path, reason: object) -> ConfigError:
     return ConfigError(
         f"{path} cannot be read ({reason}): run `breastscan scan --out {path.parent}` again", path
     )
+
+
+def _read_map(path: Path) -> SkinMap | None:
+    try:
+        return SkinMap.load(path) if path.is_file() else None
+    except ValueError as error:
+        raise _unreadable(path, error) from error
 
 
 def _read_json(path: Path) -> dict[str, Any]:

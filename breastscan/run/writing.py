@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,12 +31,16 @@ STAGED = ".partial-"
 
 
 @contextmanager
-def staged(out: Path) -> Iterator[Path]:
+def staged(out: Path, optional: Sequence[str] = ()) -> Iterator[Path]:
     """Yield an empty folder whose files move into `out` when the block ends well, and vanish when
     it does not.
 
     Whatever an earlier run left in `out` stays whole until the new results are complete; only then
     goes what a scan that was cut off left in `ABORTED`.
+
+    Args:
+        out: Where the files are to be.
+        optional: Names of files that not every run leaves: an earlier run's go, if this has none.
 
     Raises:
         ConfigError: `out` cannot be written; said before any work is done.
@@ -52,6 +56,9 @@ def staged(out: Path) -> Iterator[Path]:
         ) from error
     try:
         yield folder
+        for name in optional:
+            if not (folder / name).exists():
+                (out / name).unlink(missing_ok=True)
         for path in sorted(folder.iterdir()):
             os.replace(path, out / path.name)
         for scrap in (out / ABORTED, *out.glob(f"{STAGED}*")):  # a killed scan left its own

@@ -7,7 +7,6 @@ third of the time.
 """
 
 import numpy as np
-import scipy.fft
 from jaxtyping import Float, Float32, UInt8
 from scipy.special import expit
 
@@ -116,10 +115,10 @@ def band_noise(
     frequency = np.hypot(np.fft.fftfreq(size)[:, None], across)
     gain = np.exp(-0.5 * ((frequency * wavelength_px - 1) / BANDWIDTH) ** 2)
     gain[0, 0] = 0.0
-    white = scipy.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
-    spectrum = scipy.fft.fft(white, axis=0) * gain
+    white = np.fft.rfft(rng.standard_normal((size, size)), axis=1)[:, :columns]
+    spectrum = np.fft.fft(white, axis=0) * gain
     spectrum /= _deviation(spectrum, size)
-    return scipy.fft.irfft(scipy.fft.ifft(spectrum, axis=0), n=size, axis=1)
+    return np.fft.irfft(np.fft.ifft(spectrum, axis=0), n=size, axis=1)
 
 
 def _deviation(spectrum: np.ndarray, size: int) -> float:

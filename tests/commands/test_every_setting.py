@@ -47,6 +47,7 @@ VALUES: dict[str, Any] = {
     "planning.pattern.smallest_radius": 0.2,
     "planning.coverage.nipple_margin": 0.02,
     "planning.coverage.overlap": 0.5,
+    "planning.coverage.twice": True,
     "planning.feedrate.normal_acceleration": 5e-3,
     "planning.feedrate.chord_error": 1e-9,
     "planning.joints.position_limit": 2.0,

@@ -81,6 +81,29 @@ def test_loops_are_nested_no_farther_apart_than_asked_for_and_alternate():
     assert all(path.closed and path.array_along for path in paths)
 
 
+def test_to_touch_everything_twice_loops_at_the_margins_are_followed_back():
+    once, twice = (coverage.tracks("loops", band(), 0.0108, twice=twice) for twice in (False, True))
+    assert [track.back for track in twice] == [True, *[False] * (len(twice) - 2), True]
+    assert not any(track.back for track in once)
+    angles = np.array([polar(band().path(track).points_B).mean() for track in twice])
+    assert np.abs(np.diff(angles)).max() * RADIUS * 1e3 < 0.8 * 10.8 + 0.1
+
+
+def test_to_touch_everything_twice_meridians_lie_half_as_far_apart():
+    once, twice = (
+        coverage.tracks("antiradial", band(), 0.025, twice=twice) for twice in (False, True)
+    )
+    assert 2 * len(once) - 1 <= len(twice) <= 2 * len(once)
+
+
+def test_a_way_back_is_the_same_way():
+    lain = band()
+    track = coverage.tracks("loops", lain, 0.02, twice=True)[0]
+    assert not track.reversed.back
+    points_B = [lain.path(one).points_B for one in (track, track.reversed)]
+    np.testing.assert_allclose(points_B[0], points_B[1][::-1], atol=1e-12)
+
+
 def test_antiradial_strokes_lie_on_meridians_a_spacing_apart_at_the_chest():
     paths = strokes("antiradial", spacing=0.025)
     lowest = max(polar(path.points_B).max() for path in paths)

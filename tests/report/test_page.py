@@ -2,14 +2,17 @@
 
 import json
 import re
+import shutil
 from importlib.resources import files
 
+import numpy as np
 import pytest
 
 from breastscan.errors import ConfigError
 from breastscan.report import write
 from breastscan.report.theme import CSS_VARIABLES
 from breastscan.run.reading import REQUIRED_FILES
+from breastscan.run.skin_map import MAP_FILE, SkinMap
 from tests.page_reader import read
 from tests.run.synthetic_run import write_run
 
@@ -24,6 +27,17 @@ def page(run_folder):
 def test_the_page_has_every_section(page):
     headings = ["Summary", "Perception", "Path", "Joints", "Contact", "Time", "Settings"]
     assert read(page).headings == headings
+
+
+def test_an_examination_has_a_map_of_the_skin_it_touched(run_folder, tmp_path):
+    folder = shutil.copytree(run_folder, tmp_path / "run")
+    points_B = np.random.default_rng(1).normal([0.5, 0.0, 0.1], 0.03, (60, 3))
+    skin = SkinMap(points_B=points_B, strokes=np.arange(60) % 3, wanted=np.arange(60) > 9)
+    skin.save(folder / MAP_FILE)
+    assert "Coverage" in read(write(folder)).headings
+    (folder / MAP_FILE).write_bytes(b"ply")
+    with pytest.raises(ConfigError, match=MAP_FILE):
+        write(folder)
 
 
 def test_the_page_is_the_only_file_written_and_is_small(page, run_folder):

@@ -14,6 +14,7 @@ import trimesh
 from breastscan.errors import ConfigError, SafetyError
 from breastscan.run import parquet, writing
 from breastscan.run.columns import TRUTH
+from breastscan.run.reading import OPTIONAL_FILES
 from breastscan.run.trajectory import LOG_FILE, Trajectory
 from tests.run.synthetic_run import synthetic_log
 
@@ -27,6 +28,16 @@ def test_results_replace_earlier_ones_only_when_the_block_ends_well(tmp_path):
         raise RuntimeError
     assert (out / "metrics.json").read_text() == "first"
     assert [path.name for path in out.iterdir()] == ["metrics.json"]
+
+
+def test_an_earlier_runs_film_does_not_stay_beside_a_run_without_one(tmp_path):
+    for name in ("scan.mp4", "coverage.ply", "mine.txt"):
+        (tmp_path / name).write_text("earlier")
+    with writing.staged(tmp_path, OPTIONAL_FILES) as folder:
+        (folder / "coverage.ply").write_text("new")
+        assert (tmp_path / "scan.mp4").exists()
+    left = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert left == {"coverage.ply": "new", "mine.txt": "earlier"}
 
 
 def test_an_interrupt_leaves_no_scrap(tmp_path):

@@ -38,6 +38,16 @@ def test_loops_touch_what_lies_between_the_margins_but_near_the_chest(examined):
     assert metrics["clearance_body_min_mm"] > 2.0
 
 
+def test_the_map_says_point_by_point_what_the_shares_say(examined):
+    twin, result = examined
+    skin, areas = result.skin_map, twin.tissue.skin_areas
+    for name, strokes in (("coverage_skin_pct", 1), ("coverage_twice_pct", 2)):
+        touched = areas[skin.wanted & (skin.strokes >= strokes)].sum() / areas[skin.wanted].sum()
+        assert result.metrics[name] == pytest.approx(100 * touched)
+    low = skin.points_B[:, 2] - twin.scene.X_BS[2, 3] < WIDE.base_margin
+    assert not skin.wanted[low].any()
+
+
 def test_every_stroke_is_tared_and_touched_for_by_itself(examined):
     _, result = examined
     phases = [span.phase for span in result.trajectory.spans()]

@@ -110,6 +110,14 @@ def test_breasts_with_layers_are_the_population_with_a_gland_and_a_skin():
         assert 7.0 <= run.config().scene.phantom.layers.skin_ratio <= 69.0
 
 
+def test_breasts_that_are_examined_are_the_population():
+    population = study_population.spec(None)
+    spec = load(study_population.SPEC.with_name("examination.yaml"))
+    assert spec.vary == population.vary
+    assert spec.settings == {"planning.pattern.kind": "loops", **population.settings}
+    assert all(run.config().planning.pattern.kind == "loops" for run in spec.runs(0))
+
+
 REFUSED = {
     "unknown setting": ({"vary": {"contact.forse": {"values": [3]}}}, "did you mean contact.force"),
     "unknown fixed": (
