@@ -46,6 +46,8 @@ from sim.wrist.wrench_errors import WrenchSensorConfig
 from sim.wrist.wrench_sensor import GRAVITY_W
 
 SHADOW_MAP_PX = 2048
+KEPT_ASSETS = 30_000_000
+"""What is kept for the next scene of this process, the latest skin among it [byte]."""
 HOME_Q = np.deg2rad([180.0, -135.0, 120.0, -75.0, -90.0, 0.0])
 """Joint angles [rad] with the arm parked over its base, out of both cameras' view of the
 phantom."""
@@ -185,6 +187,9 @@ class Scene:
         drawn = canvases(self.rig, self.config.camera.supersampling)
         for side, X_BC in (("left", self.X_BL), ("right", self.X_BR)):
             root.worldbody.add("camera", name=side, **mujoco_camera(drawn[side], X_BC))
+        # MuJoCo keeps what it has read, for which the arm's meshes are grateful; the skins of all
+        # breasts would be half a gigabyte
+        mujoco.mj_setCacheCapacity(mujoco.mj_getCache(), KEPT_ASSETS)
         spec = specification(root)
         self._add_skin(spec)
         return spec.compile()

@@ -5,6 +5,7 @@ corner.
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,10 +113,13 @@ def render_video(
     rows = _frame_rows(went.t, config.speed_up / config.fps)
     writer = _open_writer(path, config)
     try:
-        for count, frame in enumerate(_frames(scene, tissue, went, rows, config), start=1):
-            writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
-            if progress is not None:
-                progress(count / len(rows), "rendering the video")
+        with ThreadPoolExecutor(1) as encoder:  # one picture is encoded as the next is drawn
+            written = encoder.submit(lambda: None)
+            for count, frame in enumerate(_frames(scene, tissue, went, rows, config), start=1):
+                written.result()
+                written = encoder.submit(writer.write, cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+                if progress is not None:
+                    progress(count / len(rows), "rendering the video")
     finally:
         writer.release()
     tissue.reset()
