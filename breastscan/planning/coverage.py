@@ -36,6 +36,8 @@ FEWEST_POINTS = 8
 TWICE_CLOSER = 0.8
 """Distance of loops that are to touch everything twice, over that of those that do so once [-]: a
 loaded loop is far wider than its swath where skin is bent, which is all but next to the chest."""
+ALONG = ("loops", "spiral", "radial")
+"""Patterns whose strokes have the array along them."""
 SAMPLES = 400
 """Of a track from which those are chosen."""
 
@@ -129,15 +131,15 @@ class Band:
     def reached(
         skin: Skin, plate: Plane, config: CoverageConfig, width: float, clear: Clear
     ) -> "Band":
-        """Where the middle of the patch may go, the array along the chest: half of its width inside
-        of the margins, and clear of the body.
+        """Where the middle of the patch may go: half of its width inside of the margins, and clear
+        of the body.
 
         Args:
             skin: The breast's, in B.
             plate: Where heights count from, in B.
             config: The margins.
             width: Of what the probe touches, along the meridian [m].
-            clear: Whether poses are clear of the body.
+            clear: Whether poses are clear of the body, told with the array along the chest.
 
         Raises:
             PlanningError: Nothing is left between the margins.
@@ -201,15 +203,21 @@ class Band:
 
 def swath(kind: Kind, patch: Patch) -> float:
     """Width of what a stroke of this pattern touches [m]."""
-    return patch.width if kind == "loops" else patch.length
+    return patch.width if kind in ALONG else patch.length
+
+
+def depth(kind: Kind, patch: Patch) -> float:
+    """Length of what a stroke of this pattern touches at a time along the meridian [m]."""
+    return patch.length if kind == "radial" else patch.width
 
 
 def tracks(kind: Kind, band: Band, spacing: float, *, twice: bool = False) -> list[Track]:
     """The strokes of a pattern in the map, each beginning near the end of the one before.
 
-    `loops` go round with the array along them, from the chest up, where the arm has the least
-    choice, every other one the other way, so that joint 6 unwinds; `antiradial` strokes run along
-    meridians and a `raster` to and fro, the array across.
+    `loops` and the turns of a `spiral` go round with the array along them, from the chest up, where
+    the arm has the least choice, every other one the other way, so that joint 6 unwinds; `radial`
+    and `antiradial` strokes run along meridians, the array along or across, and a `raster` to and
+    fro, the array across.
 
     Args:
         kind: Which, but a single loop.
@@ -236,6 +244,28 @@ def _loops(band: Band, spacing: float) -> list[Track]:
         azimuth = (-1) ** k * 2.0 * np.pi * np.arange(points) / points
         tracks.append(Track(np.full(points, fraction), azimuth, closed=True, array_along=True))
     return tracks
+
+
+def _spiral(band: Band, spacing: float) -> list[Track]:
+    """A turn along either margin, and between them those of a spiral."""
+    turns = math.ceil(band.depth / spacing)
+    ends = [(1.0, 1.0), *((1 - k / turns, 1 - (k + 1) / turns) for k in range(turns)), (0.0, 0.0)]
+    tracks = []
+    for k, (begin, end) in enumerate(ends):
+        points = max(
+            math.ceil(band.length_around((begin + end) / 2) / POINT_SPACING), FEWEST_POINTS
+        )
+        track = Track(
+            np.linspace(begin, end, points + 1),
+            2.0 * np.pi * np.arange(points + 1) / points,
+            array_along=True,
+        )
+        tracks.append(track.reversed if k % 2 else track)
+    return tracks
+
+
+def _radial(band: Band, spacing: float) -> list[Track]:
+    return [replace(track, array_along=True) for track in _antiradial(band, spacing)]
 
 
 def _antiradial(band: Band, spacing: float) -> list[Track]:
@@ -275,6 +305,8 @@ def _evenly(band: Band, dense: Track) -> Track:
 
 _TRACKS: dict[Kind, Callable[[Band, float], list[Track]]] = {
     "loops": _loops,
+    "spiral": _spiral,
+    "radial": _radial,
     "antiradial": _antiradial,
     "raster": _raster,
 }

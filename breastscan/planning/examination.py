@@ -79,11 +79,14 @@ class Coverage:
             corrections=None,
         ).stricter
 
+        usual = math.pi / 2.0 if kind == "radial" else 0.0
+
         def clear(X_BP: Float[np.ndarray, "n 4 4"]) -> Bool[np.ndarray, "n"]:
-            sides = [rolled(X_BP, np.full(len(X_BP), roll)) for roll in (-ROLL_ROOM, ROLL_ROOM)]
+            rolls = (usual - ROLL_ROOM, usual + ROLL_ROOM)
+            sides = [rolled(X_BP, np.full(len(X_BP), roll)) for roll in rolls]
             return ~np.any([limits.near_body(X) for X in sides], axis=0)
 
-        band = Band.reached(skin, plate, config, patch.width, clear)
+        band = Band.reached(skin, plate, config, coverage.depth(kind, patch), clear)
         spacing = coverage.swath(kind, patch) * (1.0 - config.overlap)
         tracks = coverage.tracks(kind, band, spacing, twice=config.twice)
         return Coverage(kind=kind, config=config, patch=patch, band=band, tracks=tracks)
@@ -97,7 +100,7 @@ class Coverage:
             p_B: On the skin, when it was seen [m].
         """
         s, azimuth = self.band.located(p_B)
-        half = self.patch.width / 2.0
+        half = coverage.depth(self.kind, self.patch) / 2.0
         reasons = np.full(len(p_B), "missed", dtype="U16")
         reasons[s > self.band.lowest(azimuth) + half] = "near the chest"
         reasons[s < self.band.first - half] = "near the nipple"

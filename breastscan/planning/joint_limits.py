@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from breastscan.checks import require_positive
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry import kinematics
+from breastscan.planning.roll_graph import BlockedError
 
 VIOLATIONS = (
     "out of reach",
@@ -226,16 +227,20 @@ def check_trajectory(q: Float[np.ndarray, "n 6"], period: float, config: JointPa
     the rates.
 
     Raises:
-        PlanningError: It does not; the joint, the sample and the cure are named.
+        BlockedError: A joint passes its limit of angle; it is named, with the sample and the cure.
+        PlanningError: Another limit is broken.
     """
     angle = limit_uses(q, period, config)[0]
     if angle.fraction > 1.0:
-        raise PlanningError(
+        error = BlockedError(
             f"joint {angle.joint} would pass its limit of {angle.bound:.2f} rad with "
             f"{angle.value:.2f} rad at sample {angle.sample} of {len(q)}: start elsewhere on the "
             "loop, or run it the other way round",
             angle.value,
         )
+        passed = np.abs(q[:, angle.joint - 1]) > angle.bound
+        error.reached = max(int(np.argmax(passed)) - 1, 0) / len(q)
+        raise error
     against = violations(q, config)
     if against.any():
         kind, sample = (int(index) for index in np.argwhere(against)[0])

@@ -18,7 +18,7 @@ from breastscan.geometry.nurbs import Nurbs
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import REACH, Skin
 
-Kind = Literal["loop", "loops", "antiradial", "raster"]
+Kind = Literal["loop", "loops", "spiral", "radial", "antiradial", "raster"]
 TRACED_POINTS = 180
 """Points of the loop, even in azimuth about the top, from which the evenly spaced ones are
 chosen."""

@@ -81,6 +81,37 @@ def test_loops_are_nested_no_farther_apart_than_asked_for_and_alternate():
     assert all(path.closed and path.array_along for path in paths)
 
 
+def test_the_turns_of_a_spiral_begin_where_the_one_before_ends_between_two_whole_ones():
+    tracks = coverage.tracks("spiral", band(), 0.0108)
+    assert all(track.array_along and not track.closed for track in tracks)
+    outward = [track if k % 2 == 0 else track.reversed for k, track in enumerate(tracks)]
+    fractions = np.concatenate([track.fraction for track in outward])
+    assert (np.diff(fractions) <= 0.0).all()
+    for track in outward:
+        assert track.azimuth[-1] - track.azimuth[0] == pytest.approx(2 * np.pi)
+    for margin, track in ((1.0, tracks[0]), (0.0, tracks[-1])):
+        assert (track.fraction == margin).all()
+    ends = np.array([(track.fraction[0], track.fraction[-1]) for track in outward])
+    np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1], atol=1e-12)
+    assert np.abs(ends[:, 0] - ends[:, 1]).max() * band().depth * 1e3 < 10.8
+
+
+def test_radial_strokes_are_antiradial_ones_with_the_array_along():
+    radial, antiradial = (coverage.tracks(kind, band(), 0.025) for kind in ("radial", "antiradial"))
+    for one, other in zip(radial, antiradial, strict=True):
+        assert one.array_along
+        np.testing.assert_array_equal(one.azimuth, other.azimuth)
+
+
+@pytest.mark.parametrize(
+    ("kind", "along", "across"),
+    [("loops", 0.012, 0.012), ("radial", 0.033, 0.012), ("antiradial", 0.012, 0.033)],
+)
+def test_what_a_stroke_touches_along_the_meridian_and_beside_itself(kind, along, across):
+    assert coverage.depth(kind, PATCH) == along
+    assert coverage.swath(kind, PATCH) == across
+
+
 def test_to_touch_everything_twice_loops_at_the_margins_are_followed_back():
     once, twice = (coverage.tracks("loops", band(), 0.0108, twice=twice) for twice in (False, True))
     assert [track.back for track in twice] == [True, *[False] * (len(twice) - 2), True]
@@ -131,7 +162,7 @@ def test_a_raster_goes_to_and_fro_and_leaves_the_nipple_out():
     assert (np.diff(first_ways) != 0).all()
 
 
-@pytest.mark.parametrize("kind", ["loops", "antiradial", "raster"])
+@pytest.mark.parametrize("kind", ["loops", "spiral", "radial", "antiradial", "raster"])
 def test_strokes_lie_on_the_skin_with_its_normals(kind):
     for path in strokes(kind, spacing=0.02):
         from_centre = path.points_B - CENTRE_B

@@ -6,9 +6,10 @@ from breastscan.geometry import kinematics, se3
 from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning import motion, redundancy
 from breastscan.planning.feedrate import Feed, FeedrateLimits
-from breastscan.planning.joint_limits import JointPathConfig
+from breastscan.planning.joint_limits import JointPathConfig, check_trajectory
 from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
+from breastscan.planning.roll_graph import BlockedError
 
 PERIOD = 0.002
 
@@ -143,6 +144,16 @@ def test_a_phantom_out_of_reach_says_by_how_many_millimetres():
 def test_a_phantom_under_the_floor_says_so():
     with pytest.raises(PlanningError, match="below the floor"):
         plan(loop(), floor=0.6)
+
+
+def test_a_joint_that_passes_its_limit_is_named_with_the_share_of_the_path_before_it():
+    """Joint 6 at an even speed to 365 degrees, of 355 that are allowed."""
+    q = np.tile(np.radians([0.0, -90.0, 90.0, 0.0, 90.0, 0.0]), (366, 1))
+    q[:, 5] = np.radians(np.arange(366))
+    with pytest.raises(BlockedError, match=r"joint 6 would pass its limit of 6\.20 rad") as refused:
+        check_trajectory(q, PERIOD, JointPathConfig())
+    assert refused.value.reached == pytest.approx(355 / 365, abs=0.005)
+    check_trajectory(q[:355], PERIOD, JointPathConfig())
 
 
 def test_a_path_that_stands_still_is_refused(ring):
