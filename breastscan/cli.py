@@ -28,6 +28,7 @@ COMMANDS = {
     "view": "the same scan live, in a window or a browser",
     "reconstruct": "a stereo pair on disk to a point cloud",
     "calibrate": "a pair of cameras, from shots of a chessboard",
+    "rig": "what a stereo rig is, from the files of any tool, and files for others",
     "handeye": "the cameras' place in the robot's base, from a board on the flange",
     "plan": "points on disk to a trajectory and a program for a UR controller",
     "compare": "two scans, at equal path length",

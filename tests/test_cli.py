@@ -16,7 +16,7 @@ from breastscan.commands.console import twin_imports
 from breastscan.errors import PlanningError
 from breastscan.run import provenance
 
-FILE_COMMANDS = ("reconstruct", "calibrate", "handeye", "plan", "compare", "doctor")
+FILE_COMMANDS = ("reconstruct", "calibrate", "rig", "handeye", "plan", "compare", "doctor")
 
 
 def run(capsys, *arguments):

@@ -18,7 +18,7 @@ from breastscan.run.writing import staged, write_settings
 from breastscan.vision import calibration
 from breastscan.vision.board import Board
 from breastscan.vision.calibration import Calibration
-from breastscan.vision.rigs.camera_info import write_camera_info
+from breastscan.vision.rigs.writing import write_camera_info
 
 
 def calibrate(

@@ -12,9 +12,13 @@ from jaxtyping import Float, UInt8
 
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
+from breastscan.vision.rigs import reading
+from breastscan.vision.rigs.found import FoundCamera
+from breastscan.vision.rigs.trees import not_a_rig
 
-SHORTEST_BASELINE = 1e-3
-"""Distance of two optical centres below which no depth can be measured [m]."""
+SHORTEST_BASELINE, LONGEST_BASELINE = 1e-3, 2.0
+"""Distance of two optical centres below which no depth can be measured, and above which lengths
+were hardly metres [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +29,9 @@ class Intrinsics:
 
     K: Float[np.ndarray, "3 3"]
     """Camera matrix [px]."""
-    distortion: Float[np.ndarray, "5"]
+    distortion: Float[np.ndarray, "k"]
     """k1, k2, p1, p2, k3 on undistorted normalised coordinates [Zhang, Eq. 1, in OpenCV's
-    order]."""
+    order], and where the lens has them k4 to k6, s1 to s4, tau_x and tau_y."""
     width: int
     """Image width [px]."""
     height: int
@@ -79,42 +83,28 @@ class StereoRig:
         return float(np.linalg.norm(self.X_RL[:3, 3]))
 
     @staticmethod
-    def load(path: str | Path) -> "StereoRig":
-        """Read a rig from an OpenCV FileStorage file.
+    def load(*paths: str | Path, unit: float | None = None) -> "StereoRig":
+        """Read a rig from a file of ours, or of OpenCV, ROS, Kalibr, MATLAB or Middlebury.
+
+        Args:
+            paths: The file; of ROS, or where intrinsics and extrinsics are apart, two.
+            unit: Of its lengths [m]; None for what the file says, and metres where it says nothing.
 
         Raises:
-            CalibrationError: The file is missing, is not a rig, or holds numbers that no camera can
-                have.
+            CalibrationError: A file is missing, is not a rig, or holds numbers that no camera or no
+                pair of cameras side by side can have.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise CalibrationError(
-                f"no rig file at {path}: give one with --rig, or calibrate first", path
-            )
-        try:
-            storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-        except (cv2.error, SystemError) as error:
-            raise _not_a_rig(path, "OpenCV cannot parse it") from error
-        if not storage.isOpened():
-            raise _not_a_rig(path, "OpenCV cannot open it")
-        cameras = [
-            Intrinsics(
-                K=_matrix(storage, path, f"camera_matrix_{side}", (3, 3)),
-                distortion=_matrix(storage, path, f"distortion_{side}", (1, 5)).reshape(5),
-                width=_length(storage, path, f"image_width_{side}"),
-                height=_length(storage, path, f"image_height_{side}"),
-            )
-            for side in ("left", "right")
-        ]
-        X_RL = _rigid(_matrix(storage, path, "X_RL", (4, 4)), path, "X_RL")
-        has_hand_eye = not storage.getNode("X_BL").empty()
-        X_BL = (
-            _rigid(_matrix(storage, path, "X_BL", (4, 4)), path, "X_BL") if has_hand_eye else None
+        files = [Path(path) for path in paths]
+        found = reading.read(files)
+        metres = unit or found.unit or 1.0
+        X_RL = _rigid(se3.pose(found.R_RL, metres * found.p_RL), files[0], "X_RL")
+        X_BL = None if found.X_BL is None else _rigid(found.X_BL, files[0], "X_BL")
+        _require_side_by_side(X_RL[:3, 3], files[0])
+        left, right = (
+            _camera(camera, files[0], side)
+            for side, camera in (("left", found.left), ("right", found.right))
         )
-        storage.release()
-        if np.linalg.norm(X_RL[:3, 3]) < SHORTEST_BASELINE:
-            raise _not_a_rig(path, "the cameras' baseline is below 1 mm")
-        return StereoRig(left=cameras[0], right=cameras[1], X_RL=X_RL, X_BL=X_BL)
+        return StereoRig(left=left, right=right, X_RL=X_RL, X_BL=X_BL)
 
     def save(self, path: str | Path) -> None:
         """Write the rig where `load`, OpenCV's FileStorage and any YAML reader that knows
@@ -125,7 +115,7 @@ class StereoRig:
             storage.write(f"image_width_{side}", camera.width)
             storage.write(f"image_height_{side}", camera.height)
             storage.write(f"camera_matrix_{side}", camera.K)
-            storage.write(f"distortion_{side}", camera.distortion.reshape(1, 5))
+            storage.write(f"distortion_{side}", camera.distortion.reshape(1, -1))
         storage.write("X_RL", self.X_RL)
         if self.X_BL is not None:
             storage.write("X_BL", self.X_BL)
@@ -180,27 +170,56 @@ class StereoRig:
         return maps, float(P1[0, 0]), (float(P1[0, 2]), float(P1[1, 2])), R1.T
 
 
-def _not_a_rig(path: Path, reason: str) -> CalibrationError:
-    return CalibrationError(
-        f"{path} is not a rig file ({reason}): expected what StereoRig.save writes", path
-    )
+def _camera(found: FoundCamera, path: Path, side: str) -> Intrinsics:
+    """A camera that can be, of a lens that is known here."""
+    if found.fisheye:
+        raise not_a_rig(
+            path,
+            f"the {side} camera has an equidistant (fisheye) lens, and pictures of such are not "
+            "rectified here: undistort them to a pinhole first, as cv2.fisheye does",
+        )
+    if found.size is None:
+        raise not_a_rig(path, "the size of the pictures is missing: add image_width, image_height")
+    K, cx = found.K, found.K[0, 2]
+    width, height = found.size
+    if K[2, 0] or K[2, 1] or K[1, 0] or K[2, 2] != 1.0:
+        raise not_a_rig(
+            path, f"the {side} camera matrix does not end in a row 0 0 1: is it transposed?"
+        )
+    if not (0.0 < cx < width and 0.0 < K[1, 2] < height):
+        raise not_a_rig(
+            path,
+            f"the {side} camera's centre ({cx:g}, {K[1, 2]:g}) px lies outside of its picture of "
+            f"{width}x{height} px",
+        )
+    return Intrinsics(K=K, distortion=found.distortion, width=width, height=height)
 
 
-def _matrix(storage: cv2.FileStorage, path: Path, key: str, shape: tuple[int, int]) -> np.ndarray:
-    node = storage.getNode(key)
-    value = None if node.empty() or not node.isMap() else node.mat()
-    if value is None or value.shape != shape:
-        raise _not_a_rig(path, f"{key} of shape {shape} is missing")
-    if not np.isfinite(value).all():
-        raise _not_a_rig(path, f"{key} holds a number that is not finite")
-    return value.astype(float)
-
-
-def _length(storage: cv2.FileStorage, path: Path, key: str) -> int:
-    node = storage.getNode(key)
-    if node.empty() or not node.isInt() or node.real() < 1:
-        raise _not_a_rig(path, f"{key} is missing or not a positive whole number")
-    return int(node.real())
+def _require_side_by_side(p_RL: Float[np.ndarray, "3"], path: Path) -> None:
+    """Refuse a pair that is not one camera beside the other, the left one on the left."""
+    baseline = float(np.linalg.norm(p_RL))
+    if baseline < SHORTEST_BASELINE:
+        raise not_a_rig(path, "the cameras' baseline is below 1 mm")
+    if baseline > LONGEST_BASELINE:
+        raise not_a_rig(
+            path,
+            f"the cameras' baseline is {baseline:.4g} m: are the lengths millimetres? Then "
+            f"`breastscan rig {path} --unit mm` makes a rig file of it",
+        )
+    if abs(p_RL[1]) > abs(p_RL[0]):
+        raise not_a_rig(
+            path,
+            f"the right camera stands {p_RL[1]:.4g} m above or below the left one, more than "
+            "beside it: vertical pairs are not matched here, so turn cameras and pictures by 90 "
+            "degrees and calibrate anew",
+        )
+    if p_RL[0] > 0.0:
+        raise not_a_rig(
+            path,
+            "the right camera stands on the left of the left one: either the two are exchanged, or "
+            "R and T are those from right to left and have to be inverted, or the rig hangs upside "
+            "down: turn its pictures by 180 degrees, exchange them, and calibrate anew",
+        )
 
 
 def _rigid(X: np.ndarray, path: Path, key: str) -> np.ndarray:
@@ -209,5 +228,5 @@ def _rigid(X: np.ndarray, path: Path, key: str) -> np.ndarray:
     """
     U, singular, Vt = np.linalg.svd(X[:3, :3])
     if np.abs(singular - 1).max() > 1e-2 or np.linalg.det(U @ Vt) < 0:
-        raise _not_a_rig(path, f"the rotation of {key} is not one")
+        raise not_a_rig(path, f"the rotation of {key} is not one")
     return se3.pose(U @ Vt, X[:3, 3])

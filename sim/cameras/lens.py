@@ -9,6 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
+from numpy.polynomial import Polynomial
 
 from breastscan.vision.camera import Intrinsics, StereoRig
 from sim.cameras.camera_errors import CameraErrors
@@ -222,12 +223,14 @@ def _field_stop(camera: Intrinsics) -> float:
     A distortion polynomial with falling high orders turns back at some radius: pixels farther out,
     in the extreme corners of some lenses, have no ray and stay dark.
     """
-    k1, k2, _, _, k3 = camera.distortion
-    extrema = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0])
+    k1, k2, _, _, k3, k4, k5, k6 = np.pad(camera.distortion, (0, 8))[:8]
+    square = Polynomial([0.0, 1.0])
+    over, under = Polynomial([1.0, k1, k2, k3]), Polynomial([1.0, k4, k5, k6])
+    # of radius times over / under, by the radius
+    growth = (over + 2 * square * over.deriv()) * under - 2 * square * over * under.deriv()
+    extrema = growth.roots()
     squares = extrema[(np.abs(extrema.imag) < 1e-12) & (extrema.real > 0)].real
     if len(squares) == 0:
         return np.inf
-    square = squares.min()
-    return float(
-        FIELD_FRACTION * np.sqrt(square) * (1 + k1 * square + k2 * square**2 + k3 * square**3)
-    )
+    first = squares.min()
+    return float(FIELD_FRACTION * np.sqrt(first) * over(first) / under(first))

@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 
-from breastscan.vision.rigs.camera_info import write_camera_info
+from breastscan.vision.rigs.writing import write_camera_info
 from tests.vision.board_shots import make_rig
 
 

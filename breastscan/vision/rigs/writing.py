@@ -1,4 +1,4 @@
-"""A rig as ROS knows it: one `camera_info` file per camera, as `camera_info_manager` loads them."""
+"""A rig for other tools: ROS's `camera_info`, and OpenCV's usual names."""
 
 from pathlib import Path
 
@@ -7,6 +7,22 @@ import numpy as np
 
 from breastscan.vision.camera import Intrinsics, StereoRig
 
+PLUMB_BOB = 5
+"""Coefficients of ROS's plain lens; more are its rational one's."""
+
+
+def write_opencv(path: Path, rig: StereoRig) -> None:
+    """Write K1, D1, K2, D2, R, T [m] and the pictures' size as OpenCV's FileStorage."""
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", rig.left.width)
+    storage.write("image_height", rig.left.height)
+    for number, camera in ((1, rig.left), (2, rig.right)):
+        storage.write(f"K{number}", camera.K)
+        storage.write(f"D{number}", camera.distortion.reshape(1, -1))
+    storage.write("R", rig.X_RL[:3, :3].copy())
+    storage.write("T", rig.X_RL[:3, 3:].copy())
+    storage.release()
+
 
 def write_camera_info(folder: Path, rig: StereoRig) -> None:
     """Write `left_camera_info.yaml` and `right_camera_info.yaml`, lengths in metres.
@@ -14,13 +30,12 @@ def write_camera_info(folder: Path, rig: StereoRig) -> None:
     The projection matrices are those of the rectified pair: the right one holds minus focal length
     times baseline.
     """
-    size = (rig.left.width, rig.left.height)
     R_left, R_right, P_left, P_right, *_ = cv2.stereoRectify(
         rig.left.K,
         rig.left.distortion,
         rig.right.K,
         rig.right.distortion,
-        size,
+        (rig.left.width, rig.left.height),
         rig.X_RL[:3, :3],
         rig.X_RL[:3, 3],
         flags=cv2.CALIB_ZERO_DISPARITY,
@@ -36,11 +51,12 @@ def write_camera_info(folder: Path, rig: StereoRig) -> None:
 
 
 def _camera_info(side: str, camera: Intrinsics, R: np.ndarray, P: np.ndarray) -> str:
+    lens = "plumb_bob" if len(camera.distortion) <= PLUMB_BOB else "rational_polynomial"
     return (
         f"image_width: {camera.width}\n"
         f"image_height: {camera.height}\n"
         f"camera_name: {side}\n"
-        "distortion_model: plumb_bob\n"
+        f"distortion_model: {lens}\n"
         + _matrix("camera_matrix", camera.K)
         + _matrix("distortion_coefficients", camera.distortion[None])
         + _matrix("rectification_matrix", R)
