@@ -38,6 +38,10 @@ PRESSING_SPEED_RATIO = 4.0
 """Largest speed into the skin, where it is felt, over the approach's [-]: by default that is
 `rate_limit`. A body that is approached slowly because it is hard is pressed slowly too, whatever a
 law requests."""
+SMOOTHING_TIME = 0.016
+"""Lag below which the law's requests are smoothed as such an arm would [s]: they follow the noise
+of the force, an arm that is at once where it is sent throws the tool about with them, and its
+inertia, which shows in the force, would drive them on."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -201,8 +205,13 @@ def regulate(
         The state after this period; its depth comes to rest at `config.depth_limit`.
     """
     assert memory.surface is not None, "force control begins with `begin`"
-    measurement = Measurement(memory.last, memory.depth, memory.rate, memory.surface, lag, period)
+    # what an arm does not smooth is smoothed for it, and counts as lag
+    smoothing = max(SMOOTHING_TIME - lag, 0.0)
+    measurement = Measurement(
+        memory.last, memory.depth, memory.rate, memory.surface, lag + smoothing, period
+    )
     requested, law = config.force_law.speed(measurement, reference, memory.law)
+    requested = memory.rate + (requested - memory.rate) * period / (period + smoothing)
     acceleration, limit = config.acceleration, config.rate_limit
     approach = config.phases.approach_speed
     inward = min(PRESSING_SPEED_RATIO * approach if _presses(memory, config) else approach, limit)

@@ -3,14 +3,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from breastscan.control.contact import ContactConfig
+from breastscan.control.phases import Phase
+from breastscan.control.safety import SafetyLimits
 from breastscan.errors import RobotError
+from breastscan.execution import execute
 from breastscan.geometry import kinematics, se3
 from breastscan.robot.payload import Payload, identify
 from breastscan.robot.ur.ur5e import PERIOD, SPEED_LIMIT
 from sim.arm.deviations import ArmConfig
+from sim.arm.servo import ServoConfig
 from sim.robot import SimRobot
 from sim.scene import HOME_Q, Scene, SceneConfig
 from sim.tissue.soft import SoftTissue
+from sim.true_loop import true_loop_motion
 from sim.wrist.probe import payload
 from sim.wrist.wrench_errors import WrenchSensorConfig
 from sim.wrist.wrench_sensor import MEASURED_AT_F
@@ -315,3 +321,18 @@ def test_what_the_probes_body_presses_is_in_the_truth_and_in_the_sensor(quiet_sc
     assert set(truth.of_arm[touching]) == {"probe_hull"}
     assert set(truth.of_other[touching]) == {"chest_hull"}
     assert "the probe's body touched the chest plate" in truth.touched_else
+
+
+def test_an_arm_without_lag_holds_the_force_though_its_sensor_feels_the_tools_inertia():
+    """What the law passes on of the sensor's noise would throw such an arm about."""
+    scene = Scene(SceneConfig(servo=ServoConfig(lag=False)).seeded(0))
+    tissue = SoftTissue.build(scene.phantom)
+    robot = SimRobot(scene, tissue)
+    log = []
+    execute(robot, true_loop_motion(scene, tissue), ContactConfig(), SafetyLimits(), log=log)
+    steady = np.array([sample.time for sample in log if sample.phase is Phase.LOOP][500:])
+    truth = robot.truth_log()
+    force = truth.force_axial[np.searchsorted(truth.time, steady)]
+    assert len(force) > 5000
+    assert np.sqrt(np.mean((force - 5.0) ** 2)) < 0.1
+    assert force.max() < 5.5
