@@ -38,10 +38,12 @@ PRESSING_SPEED_RATIO = 4.0
 """Largest speed into the skin, where it is felt, over the approach's [-]: by default that is
 `rate_limit`. A body that is approached slowly because it is hard is pressed slowly too, whatever a
 law requests."""
-SMOOTHING_TIME = 0.016
-"""Lag below which the law's requests are smoothed as such an arm would [s]: they follow the noise
-of the force, an arm that is at once where it is sent throws the tool about with them, and its
-inertia, which shows in the force, would drive them on."""
+SMOOTHING_TIME = 0.034
+"""Lag, a UR's, below which the law's requests are smoothed as such an arm would, with a noisy
+sensor [s]: they follow the noise of the force, an arm that is at once where it is sent throws the
+tool about with them, and its inertia, which shows in the force, would drive them on."""
+QUIET = 0.01
+"""Noise of the force with which half of that will do [N]."""
 NOISE_TIME = 0.5
 """Time over which the sensor's noise is taken, in the air [s]."""
 
@@ -206,7 +208,7 @@ def regulate(
     """
     assert memory.surface is not None, "force control begins with `begin`"
     # what an arm does not smooth is smoothed for it, and counts as lag
-    smoothing = max(SMOOTHING_TIME - lag, 0.0)
+    smoothing = max(SMOOTHING_TIME * memory.noise / (memory.noise + QUIET) - lag, 0.0)
     measurement = Measurement(
         memory.last, memory.depth, memory.rate, memory.surface, lag + smoothing, period
     )
