@@ -12,17 +12,14 @@ from breastscan.commands.console import Out, console
 from breastscan.run.writing import staged
 from breastscan.vision.camera import Intrinsics, StereoRig
 from breastscan.vision.rigs import reading
+from breastscan.vision.rigs.found import METRES
 from breastscan.vision.rigs.writing import write_camera_info, write_opencv
-
-Unit = Literal["m", "cm", "mm", "in"]
-METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-"""Of each unit."""
 
 
 def rig(
     files: tyro.conf.Positional[tuple[Path, ...]],
     /,
-    unit: Unit | None = None,
+    unit: Literal["m", "cm", "mm", "in"] | None = None,
     out: Out | None = None,
 ) -> None:
     """Say what a stereo rig is: baseline, focal lengths, fields of view, vergence, its place.
@@ -40,9 +37,8 @@ def rig(
     """
     found = reading.read(files)
     metres = None if unit is None else METRES[unit]
-    loaded = StereoRig.load(*files, unit=metres)
-    taken = metres or found.unit
-    console.print(_table(loaded, found.tool, taken))
+    loaded = StereoRig.of(found, files[0], metres)
+    console.print(_table(loaded, found.tool, metres or found.unit))
     if out is not None:
         with staged(out) as folder:
             loaded.save(folder / "rig.yaml")

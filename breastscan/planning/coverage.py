@@ -227,22 +227,20 @@ def tracks(kind: Kind, band: Band, spacing: float, *, twice: bool = False) -> li
             one neighbour, are followed back as well, and all lie `TWICE_CLOSER`; other strokes lie
             half as far apart.
     """
-    if not twice:
-        return _TRACKS[kind](band, spacing)
-    if kind != "loops":
-        return _TRACKS[kind](band, spacing / 2.0)
-    loops = _loops(band, TWICE_CLOSER * spacing)
-    last = len(loops) - 1
-    return [replace(loop, back=k in (0, last)) for k, loop in enumerate(loops)]
+    if twice:
+        spacing *= TWICE_CLOSER if kind == "loops" else 0.5
+    found, along = _TRACKS[kind](band, spacing), kind in ALONG
+    ends = (0, len(found) - 1) if twice and kind == "loops" else ()
+    return [replace(one, array_along=along, back=k in ends) for k, one in enumerate(found)]
 
 
 def _loops(band: Band, spacing: float) -> list[Track]:
     count = math.ceil(band.depth / spacing) + 1
     tracks = []
     for k, fraction in enumerate(np.linspace(1.0, 0.0, count)):
-        points = max(math.ceil(band.length_around(fraction) / POINT_SPACING), FEWEST_POINTS)
+        points = _points(band.length_around(fraction))
         azimuth = (-1) ** k * 2.0 * np.pi * np.arange(points) / points
-        tracks.append(Track(np.full(points, fraction), azimuth, closed=True, array_along=True))
+        tracks.append(Track(np.full(points, fraction), azimuth, closed=True))
     return tracks
 
 
@@ -252,23 +250,13 @@ def _spiral(band: Band, spacing: float) -> list[Track]:
     ends = [(1.0, 1.0), *((1 - k / turns, 1 - (k + 1) / turns) for k in range(turns)), (0.0, 0.0)]
     tracks = []
     for k, (begin, end) in enumerate(ends):
-        points = max(
-            math.ceil(band.length_around((begin + end) / 2) / POINT_SPACING), FEWEST_POINTS
-        )
-        track = Track(
-            np.linspace(begin, end, points + 1),
-            2.0 * np.pi * np.arange(points + 1) / points,
-            array_along=True,
-        )
+        points = _points(band.length_around((begin + end) / 2)) + 1
+        track = Track(np.linspace(begin, end, points), np.linspace(0.0, 2.0 * np.pi, points))
         tracks.append(track.reversed if k % 2 else track)
     return tracks
 
 
-def _radial(band: Band, spacing: float) -> list[Track]:
-    return [replace(track, array_along=True) for track in _antiradial(band, spacing)]
-
-
-def _antiradial(band: Band, spacing: float) -> list[Track]:
+def _meridians(band: Band, spacing: float) -> list[Track]:
     count = math.ceil(band.length_around(1.0) / spacing)
     out = np.linspace(0.0, 1.0, SAMPLES)
     return [
@@ -292,6 +280,11 @@ def _raster(band: Band, spacing: float) -> list[Track]:
     return tracks
 
 
+def _points(length: float) -> int:
+    """Of a stroke so long around the breast [m]."""
+    return max(math.ceil(length / POINT_SPACING), FEWEST_POINTS)
+
+
 def _evenly(band: Band, dense: Track) -> Track:
     """An open track whose points are evenly spaced on the skin."""
     s = probe_poses.lengths(band.path(dense).points_B)
@@ -306,8 +299,8 @@ def _evenly(band: Band, dense: Track) -> Track:
 _TRACKS: dict[Kind, Callable[[Band, float], list[Track]]] = {
     "loops": _loops,
     "spiral": _spiral,
-    "radial": _radial,
-    "antiradial": _antiradial,
+    "radial": _meridians,
+    "antiradial": _meridians,
     "raster": _raster,
 }
 

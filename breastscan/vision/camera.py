@@ -13,7 +13,7 @@ from jaxtyping import Float, UInt8
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 from breastscan.vision.rigs import reading
-from breastscan.vision.rigs.found import FoundCamera
+from breastscan.vision.rigs.found import FoundCamera, FoundRig
 from breastscan.vision.rigs.trees import not_a_rig
 
 SHORTEST_BASELINE, LONGEST_BASELINE = 1e-3, 2.0
@@ -95,13 +95,17 @@ class StereoRig:
                 pair of cameras side by side can have.
         """
         files = [Path(path) for path in paths]
-        found = reading.read(files)
+        return StereoRig.of(reading.read(files), files[0], unit)
+
+    @staticmethod
+    def of(found: FoundRig, path: Path, unit: float | None = None) -> "StereoRig":
+        """The rig that a file says; arguments and errors as for `load`."""
         metres = unit or found.unit or 1.0
-        X_RL = _rigid(se3.pose(found.R_RL, metres * found.p_RL), files[0], "X_RL")
-        X_BL = None if found.X_BL is None else _rigid(found.X_BL, files[0], "X_BL")
-        _require_side_by_side(X_RL[:3, 3], files[0])
+        X_RL = _rigid(se3.pose(found.R_RL, metres * found.p_RL), path, "X_RL")
+        X_BL = None if found.X_BL is None else _rigid(found.X_BL, path, "X_BL")
+        _require_side_by_side(X_RL[:3, 3], path)
         left, right = (
-            _camera(camera, files[0], side)
+            _camera(camera, path, side)
             for side, camera in (("left", found.left), ("right", found.right))
         )
         return StereoRig(left=left, right=right, X_RL=X_RL, X_BL=X_BL)
@@ -158,16 +162,27 @@ class StereoRig:
         """Both remap tables, the common focal length and centre, and the rotation of the left
         view.
         """
+        (R_left, P), right = self.rectified_views
         size = (self.left.width, self.left.height)
-        R1, R2, P1, P2, *_ = cv2.stereoRectify(
-            self.left.K, self.left.distortion, self.right.K, self.right.distortion, size,
-            self.X_RL[:3, :3], self.X_RL[:3, 3], flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1,
-        )  # fmt: skip
         maps = [
-            cv2.initUndistortRectifyMap(c.K, c.distortion, R, P, size, cv2.CV_32FC1)
-            for c, R, P in ((self.left, R1, P1), (self.right, R2, P2))
+            cv2.initUndistortRectifyMap(c.K, c.distortion, *view, size, cv2.CV_32FC1)
+            for c, view in ((self.left, (R_left, P)), (self.right, right))
         ]
-        return maps, float(P1[0, 0]), (float(P1[0, 2]), float(P1[1, 2])), R1.T
+        return maps, float(P[0, 0]), (float(P[0, 2]), float(P[1, 2])), R_left.T
+
+    @property
+    def rectified_views(
+        self,
+    ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """Of the left and the right camera: rotation to its rectified view, and that view's
+        projection matrix [px, px m].
+        """
+        R1, R2, P1, P2, *_ = cv2.stereoRectify(
+            self.left.K, self.left.distortion, self.right.K, self.right.distortion,
+            (self.left.width, self.left.height), self.X_RL[:3, :3], self.X_RL[:3, 3],
+            flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1,
+        )  # fmt: skip
+        return (R1, P1), (R2, P2)
 
 
 def _camera(found: FoundCamera, path: Path, side: str) -> Intrinsics:

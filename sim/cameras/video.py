@@ -120,6 +120,7 @@ def render_video(
                 written = encoder.submit(writer.write, cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
                 if progress is not None:
                     progress(count / len(rows), "rendering the video")
+            written.result()
     finally:
         writer.release()
     tissue.reset()

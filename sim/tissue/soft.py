@@ -45,7 +45,6 @@ class SoftTissue:
         self, phantom: Phantom, compliance: SkinCompliance, face: ProbeFace | None = None
     ) -> None:
         self._phantom = phantom
-        self._compliance = compliance
         self._surface = contact_surface(phantom, compliance)
         self._face = (face or ProbeFace()).parameters()
         self._material = (phantom.config.young, DAMPING, phantom.config.gel_friction)

@@ -10,6 +10,9 @@ LENGTHS = (4, 5, 8, 12, 14)
 """How many coefficients the lens of Brown and Conrady has in OpenCV: k1, k2, p1, p2, and up to k3;
 k4, k5, k6; s1 to s4; tau_x, tau_y."""
 
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+"""Of each unit that lengths are given in."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FoundCamera:

@@ -9,13 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from breastscan.vision.rigs.found import FoundCamera, FoundRig, array, coefficients, size
+from breastscan.vision.rigs.found import (
+    METRES,
+    FoundCamera,
+    FoundRig,
+    array,
+    coefficients,
+    size,
+)
 from breastscan.vision.rigs.trees import Tree
 
 TOOL = "MATLAB"
 UNITS = {
-    "mm": 1e-3, "millimeters": 1e-3, "cm": 1e-2, "centimeters": 1e-2, "m": 1.0, "meters": 1.0,
-    "in": 0.0254, "inches": 0.0254, "ft": 0.3048,
+    **METRES, "millimeters": METRES["mm"], "centimeters": METRES["cm"], "meters": METRES["m"],
+    "inches": METRES["in"], "ft": 0.3048,
 }  # fmt: skip
 """Of a pattern's squares [m]."""
 HOW = "in MATLAB, s = toStruct(stereoParams); save('rig.mat', 's', '-v7') writes one that is"

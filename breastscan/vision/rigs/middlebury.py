@@ -4,12 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from breastscan.vision.rigs.found import FoundCamera, FoundRig, array, size
+from breastscan.vision.rigs.found import METRES, FoundCamera, FoundRig, array, size
 from breastscan.vision.rigs.trees import Tree
 
 TOOL = "Middlebury"
-UNIT = 1e-3
-"""Of its lengths [m]."""
 
 
 def read(trees: Sequence[Tree]) -> FoundRig | None:
@@ -34,6 +32,6 @@ def read(trees: Sequence[Tree]) -> FoundRig | None:
                 right=right,
                 R_RL=np.eye(3),
                 p_RL=np.array([-baseline, 0.0, 0.0]),
-                unit=UNIT,
+                unit=METRES["mm"],
             )
     return None

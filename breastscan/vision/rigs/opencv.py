@@ -3,7 +3,7 @@ YAML, JSON, XML or `.npz`, in one file or in two (intrinsics and extrinsics).
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -52,8 +52,8 @@ def _plain(name: str) -> str:
     return re.sub("[^a-z0-9]", "", name.lower())
 
 
-def _first(names: Tree, known: Sequence[str], side: str) -> Any:
-    """The first value under a known name for a side, before it or behind it."""
+def _first(names: Tree, known: Sequence[str], side: str = "") -> Any:
+    """The first value under a known name, for a side before it or behind it."""
     found = (names.get(key) for name in known for key in (name + side, side + name))
     return next((value for value in found if value is not None), None)
 
@@ -86,16 +86,10 @@ def _place(names: Tree) -> tuple[np.ndarray, np.ndarray]:
     if "xrl" in names:
         X_RL = array(names["xrl"], (4, 4), "X_RL")
         return X_RL[:3, :3], X_RL[:3, 3]
-    R = _known(names, ROTATIONS, lambda value: array(value, None, "R"))
-    p = _known(names, TRANSLATIONS, lambda value: array(value, (3,), "T"))
-    if R is None or p is None:
+    R, T = _first(names, ROTATIONS), _first(names, TRANSLATIONS)
+    if R is None or T is None:
         raise ValueError("X_RL, or R and T, are missing: give the file of the extrinsics too")
-    if R.size == 3:
-        return cv2.Rodrigues(R.reshape(3, 1))[0], p
-    return array(R, (3, 3), "R"), p
-
-
-def _known(
-    names: Tree, known: Sequence[str], read: Callable[[Any], np.ndarray]
-) -> np.ndarray | None:
-    return next((read(names[name]) for name in known if name in names), None)
+    p_RL = array(T, (3,), "T")
+    if np.size(R) == 3:
+        return cv2.Rodrigues(array(R, (3,), "R"))[0], p_RL
+    return array(R, (3, 3), "R"), p_RL

@@ -21,18 +21,18 @@ def read(paths: Sequence[Path]) -> FoundRig:
     """
     if not paths:
         raise CalibrationError("no rig file given: expected one, or two of a pair", paths)
-    paths = [*paths, *_beside(paths)]
-    trees, files = [read_tree(path) for path in paths], paths[0]
+    first = paths[0]
+    trees = [read_tree(path) for path in (*paths, *_beside(paths))]
     for reader in READERS:
         try:
             found = reader.read(trees)
         except ValueError as error:
-            raise not_a_rig(files, str(error)) from error
+            raise not_a_rig(first, str(error)) from error
         if found is not None:
             return found
     names = sorted({name for tree in trees for name in tree})[:8]
     raise not_a_rig(
-        files, f"no camera_matrix_left, nor what another tool calls it, among {', '.join(names)}"
+        first, f"no camera_matrix_left, nor what another tool calls it, among {', '.join(names)}"
     )
 
 

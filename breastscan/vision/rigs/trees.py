@@ -6,6 +6,7 @@ module know.
 """
 
 import gzip
+import io
 import json
 import re
 import subprocess
@@ -28,8 +29,8 @@ NOT_FINITE = {".nan": np.nan, ".inf": np.inf, "+.inf": np.inf, "-.inf": -np.inf}
 """As OpenCV writes them."""
 MATRIX = ("opencv-matrix", "opencv-nd-matrix")
 MAT_AS_JSON = (
-    "import json, sys; from scipy.io import loadmat; "
-    "print(json.dumps(loadmat(sys.argv[1], simplify_cells=True), "
+    "import io, json, sys; from scipy.io import loadmat; "
+    "print(json.dumps(loadmat(io.BytesIO(sys.stdin.buffer.read()), simplify_cells=True), "
     "default=lambda v: v.tolist() if hasattr(v, 'tolist') else str(v)))"
 )
 MAT_TIME = 60.0
@@ -54,9 +55,7 @@ def read_tree(path: Path) -> Tree:
     suffix = suffixes[-2] if packed and len(suffixes) > 1 else suffixes[-1]
     try:
         data = gzip.decompress(path.read_bytes()) if packed else path.read_bytes()
-        tree = _PARSERS.get(suffix, _text)(data, path)
-    except CalibrationError:
-        raise
+        tree = _PARSERS.get(suffix, _text)(data)
     except Exception as error:  # five libraries' own, of bytes that may be anything
         raise not_a_rig(path, f"readers cannot parse it: {_line(error)}") from error
     if not isinstance(tree, dict):
@@ -103,21 +102,21 @@ def _numbers(data: list) -> np.ndarray:
     return np.array(known, float)
 
 
-def _yaml(data: bytes, path: Path) -> Any:
+def _yaml(data: bytes) -> Any:
     text = data.decode("utf-8")
     if text.startswith("%YAML:"):  # OpenCV's first line is none of YAML's
         text = text.partition("\n")[2]
     return next(yaml.load_all(text, _Loader))  # a safe one; ROS ends each message with a mark
 
 
-def _json(data: bytes, path: Path) -> Any:
+def _json(data: bytes) -> Any:
     def values(pairs: dict[str, Any]) -> Any:
         return _matrix(pairs) if pairs.get("type_id") in MATRIX else pairs
 
     return json.loads(data, object_hook=values)
 
 
-def _xml(data: bytes, path: Path) -> Tree:
+def _xml(data: bytes) -> Tree:
     storage = cv2.FileStorage(data.decode("utf-8"), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     root = storage.root()
     tree = {name: _node(root.getNode(name)) for name in root.keys()}  # noqa: SIM118 (no dict)
@@ -138,29 +137,29 @@ def _node(node: cv2.FileNode) -> Any:
     return node.real() if node.isReal() else node.string()
 
 
-def _npz(data: bytes, path: Path) -> Tree:
-    with np.load(path, allow_pickle=False) as arrays:
+def _npz(data: bytes) -> Tree:
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
 
 
-def _mat(data: bytes, path: Path) -> Any:
+def _mat(data: bytes) -> Any:
     """In a process of its own: of a damaged file SciPy's reader ends the process that it is in."""
     child = subprocess.run(
-        [sys.executable, "-c", MAT_AS_JSON, str(path)], capture_output=True, timeout=MAT_TIME
+        [sys.executable, "-c", MAT_AS_JSON], input=data, capture_output=True, timeout=MAT_TIME
     )
     if b"NotImplementedError" in child.stderr:
-        raise not_a_rig(path, "it is of MATLAB's version 7.3: save it with save(..., '-v7')")
+        raise ValueError("it is of MATLAB's version 7.3: save it with save(..., '-v7')")
     if child.returncode != 0:
         raise ValueError("it is no MAT-file, or a damaged one")
     return json.loads(child.stdout)
 
 
-def _text(data: bytes, path: Path) -> Any:
+def _text(data: bytes) -> Any:
     """Lines of names and values, as Middlebury has them, or YAML."""
     found = [LINE.match(line) for line in data.decode("utf-8").splitlines() if line.strip()]
     if found and all(found):
         return {line[1]: _value(line[2]) for line in found if line is not None}
-    return _yaml(data, path)
+    return _yaml(data)
 
 
 def _value(text: str) -> Any:
@@ -169,7 +168,7 @@ def _value(text: str) -> Any:
     return float(text)
 
 
-_PARSERS: dict[str, Callable[[bytes, Path], Any]] = {
+_PARSERS: dict[str, Callable[[bytes], Any]] = {
     ".yaml": _yaml,
     ".yml": _yaml,
     ".json": _json,

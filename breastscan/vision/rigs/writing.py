@@ -30,21 +30,8 @@ def write_camera_info(folder: Path, rig: StereoRig) -> None:
     The projection matrices are those of the rectified pair: the right one holds minus focal length
     times baseline.
     """
-    R_left, R_right, P_left, P_right, *_ = cv2.stereoRectify(
-        rig.left.K,
-        rig.left.distortion,
-        rig.right.K,
-        rig.right.distortion,
-        (rig.left.width, rig.left.height),
-        rig.X_RL[:3, :3],
-        rig.X_RL[:3, 3],
-        flags=cv2.CALIB_ZERO_DISPARITY,
-        alpha=-1,
-    )
-    for side, camera, R, P in (
-        ("left", rig.left, R_left, P_left),
-        ("right", rig.right, R_right, P_right),
-    ):
+    sides = (("left", rig.left), ("right", rig.right))
+    for (side, camera), (R, P) in zip(sides, rig.rectified_views, strict=True):
         (folder / f"{side}_camera_info.yaml").write_text(
             _camera_info(side, camera, R, P), encoding="utf-8"
         )
