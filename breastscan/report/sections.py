@@ -113,10 +113,10 @@ def path(run: Run) -> str:
         html.drawing(
             path_figures.planned_and_executed(run.path_B, run.trajectory),
             "The loop from above and its height over the path length, planned and executed",
-            "The loop that was planned through the numbered path points, moved as far as drag and "
-            "breath move the skin, and the executed one. On soft tissue it lies deeper, by the "
-            "indentation. From above, the deviation is enlarged by the factor in the legend. "
-            "Compare with Figs. 18 and 22 of the paper.",
+            "The way that was planned through the path points, moved as far as drag and breath "
+            "move the skin, and the executed one. On soft tissue it lies deeper, by the "
+            "indentation. From above, a single loop's deviation is enlarged by the factor in the "
+            "legend. Compare with Figs. 18 and 22 of the paper.",
         ),
         html.drawing(
             path_figures.deviations(run.trajectory),
