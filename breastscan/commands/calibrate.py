@@ -60,9 +60,7 @@ def calibrate(
         result = calibration.calibrate(found.shots, found.size, board)
         metrics = _metrics(result) | (shown.scene.errors_of(result.rig) if shown else {})
         write_camera_info(folder, result.rig)
-        files.write_results(
-            folder, found, result, _figures(shots or folder, result), metrics, result.dropped
-        )
+        files.write_results(folder, found, result, _figures(shots or folder, result), metrics)
         write_settings(folder, {"twin": twin, "seed": seed, "board": board})
     files.tell_results(out, metrics)
 

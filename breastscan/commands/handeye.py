@@ -5,7 +5,7 @@ The twin shows how well that is found with an arm that is not exact and an estim
 pictures and stated poses land on disk and are calibrated from there.
 """
 
-from collections.abc import Container
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,10 @@ from breastscan.commands.console import Out, Seed, twin_imports
 from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.report import calibration_figures as draw
-from breastscan.run.writing import staged, write_settings
+from breastscan.run.writing import staged, write_json, write_settings
 from breastscan.vision.board import Board
+from breastscan.vision.boards import poses_table
+from breastscan.vision.boards.poses_table import StatedPoses
 from breastscan.vision.camera import StereoRig
 from breastscan.vision.hand_eye import HandEye, hand_eye
 
@@ -32,6 +34,7 @@ def handeye(
     /,
     *,
     rig: Path,
+    on_flange: bool = False,
     twin: bool = False,
     out: Out = Path("out/handeye"),
     seed: Seed = 0,
@@ -42,8 +45,10 @@ def handeye(
 
     Args:
         shots: Folder of NAME_left.png, NAME_right.png and poses.csv (name, x_m, y_m, z_m, rx_rad,
-            ry_rad, rz_rad).
+            ry_rad, rz_rad; docs/calibration.md has the other ways to write poses).
         rig: The rig file of the cameras, from `calibrate`.
+        on_flange: Whether it is the cameras that ride on the flange, and the board that stands
+            still: then the left camera's pose in the flange is found.
         twin: Whether to take the shots with the twin instead, and compare with the truth.
         out: Folder for rig.yaml, residuals.csv, metrics.json,
             config.json and figures.
@@ -71,18 +76,45 @@ def handeye(
         if stated:
             files.write_poses(folder, stated)
         source = shots or folder
-        stated, found = files.read_poses(source), files.read_shots(source, board)
-        _need_fitting(source, found, stated, cameras)
-        X_BF = np.stack([stated[shot.name] for shot in found.shots])
-        result = hand_eye(found.shots, X_BF, cameras, board)
+        poses, found = poses_table.read(source), files.read_shots(source, board)
+        _need_fitting(source, found, poses, cameras)
+        rows = [poses.row_of(shot.name) for shot in found.shots]
+        of_shots = se3.inverse if on_flange else np.asarray
+        result = hand_eye(
+            found.shots,
+            of_shots(poses.X_BF[rows]),
+            cameras,
+            board,
+            {name: of_shots(X[rows]) for name, X in poses.readings.items()},
+        )
         metrics = _metrics(result) | (held.scene.errors_of(result.rig) if held else {})
-        files.write_results(folder, found, result, _figures(source, result, board), metrics)
-        write_settings(folder, {"rig": rig, "twin": twin, "seed": seed, "board": board})
+        figures = _figures(source, result, board, on_flange)
+        if on_flange:
+            result = _unplaced(folder, result)
+        files.write_results(folder, found, result, figures, metrics, {"slack_sigmas": result.slack})
+        write_json(
+            folder / "covariance.json",
+            {"of": "left camera, rotation [rad] then translation [m] in its own frame",
+             "covariance": result.covariance.tolist()},
+        )  # fmt: skip
+        write_settings(
+            folder,
+            {"rig": rig, "on_flange": on_flange, "twin": twin, "seed": seed, "board": board},
+        )
     files.tell_results(out, metrics)
 
 
+def _unplaced(folder: Path, result: HandEye) -> HandEye:
+    """The cameras without a place in the base, which changes with the flange; that in the flange is
+    written beside them.
+    """
+    assert result.rig.X_BL is not None
+    write_json(folder / "on_flange.json", {"X_FL": result.rig.X_BL.tolist()})
+    return replace(result, rig=replace(result.rig, X_BL=None))
+
+
 def _need_fitting(
-    folder: Path, found: files.ShotFolder, stated: Container[str], rig: StereoRig
+    folder: Path, found: files.ShotFolder, poses: StatedPoses, rig: StereoRig
 ) -> None:
     """Pass when the shots are of the rig's size, and each has its pose."""
     if found.size != (rig.left.width, rig.left.height):
@@ -91,36 +123,46 @@ def _need_fitting(
             f"for {rig.left.width}x{rig.left.height} px: use the rig file of this camera setting",
             found.size,
         )
-    without_pose = [shot.name for shot in found.shots if shot.name not in stated]
+    without_pose = [shot.name for shot in found.shots if shot.name not in poses]
     if without_pose:
         raise CalibrationError(
-            f"{folder / files.POSES_FILE} has no row for {', '.join(without_pose)}: add it or "
-            "remove the pictures",
+            f"{folder / poses_table.POSES_FILE} has no row for {', '.join(without_pose)}: add it "
+            "or remove the pictures",
             without_pose,
         )
 
 
 def _metrics(result: HandEye) -> dict[str, object]:
     """What a hand-eye calibration says of itself."""
-    distance, angle = result.disagreement
+    pairs = {
+        "sigma": result.sigma,
+        "held_out": result.held_out,
+        "disagreement": result.disagreement,
+    }
     return {
         "handeye_reprojection_px": result.reprojection_px,
-        "handeye_disagreement_mm": distance * 1e3,
-        "handeye_disagreement_deg": float(np.degrees(angle)),
+        **{f"handeye_{name}_mm": distance * 1e3 for name, (distance, _) in pairs.items()},
+        **{f"handeye_{name}_deg": float(np.degrees(angle)) for name, (_, angle) in pairs.items()},
+        "handeye_slack_sigmas": float(np.median(result.slack)),
+        "handeye_square_mm": result.square * 1e3,
+        "handeye_baseline_mm": result.rig.baseline * 1e3,
         "handeye_tilt_spread_deg": float(np.degrees(result.tilt_spread)),
         "handeye_shots": len(result.shots),
+        "handeye_dropped": sorted(result.dropped),
     }
 
 
-def _figures(folder: Path, result: HandEye, board: Board) -> dict[str, Figure]:
+def _figures(folder: Path, result: HandEye, board: Board, on_flange: bool) -> dict[str, Figure]:
+    """Corners, residuals, and the frames where the base's is the common one."""
     assert result.rig.X_BL is not None
     cameras = (result.rig.X_BL, result.rig.X_BL @ se3.inverse(result.rig.X_RL))
     some = result.shots[:: max(len(result.shots) // SHOWN_POSES, 1)][:SHOWN_POSES]
     pictures = [files.read_pair(folder, shot.name).left for shot in some]
+    frames = draw.hand_eye_frames(result.X_BF, result.X_FBoard, cameras, board.points)
     return {
+        **({} if on_flange else {"frames": frames}),
         "poses": draw.corners(
             pictures, [shot.left for shot in some], [f"Pose {shot.name}" for shot in some]
         ),
         "residuals": draw.residual_bars([shot.name for shot in result.shots], result.residuals_px),
-        "frames": draw.hand_eye_frames(result.X_BF, result.X_FBoard, cameras, board.points),
     }

@@ -2,12 +2,8 @@
 behind.
 
 A shot is `NAME_left.png` and `NAME_right.png`; TIFF, JPEG and BMP files do as well. Where a robot
-held the board there is `poses.csv`, one row a shot, with the columns
-
-    name, x_m, y_m, z_m, rx_rad, ry_rad, rz_rad
-
-which are the shot's NAME and the flange's pose in the robot's base: position and rotation vector,
-as a UR controller states it while its tool centre point is set to zero.
+held the board there is `poses.csv`, one row a shot (`vision/boards/poses_table.py`): the flange's
+pose in the robot's base, as a UR controller states it while its tool centre point is set to zero.
 """
 
 from collections.abc import Mapping
@@ -27,11 +23,11 @@ from breastscan.geometry import se3
 from breastscan.report.theme import write_png
 from breastscan.run import writing
 from breastscan.vision.board import Board, BoardShot, find_shot
+from breastscan.vision.boards.poses_table import POSES_FILE
 from breastscan.vision.calibration import Calibration
 from breastscan.vision.hand_eye import HandEye
 
 RIG_FILE = "rig.yaml"
-POSES_FILE = "poses.csv"
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
 
@@ -133,63 +129,31 @@ def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None
     writing.write_csv(folder / POSES_FILE, table)
 
 
-def read_poses(folder: Path) -> dict[str, Float[np.ndarray, "4 4"]]:
-    """`X_BF` [m] of each shot by name, from `poses.csv`.
-
-    Raises:
-        CalibrationError: The file is missing, lacks a column, or holds what is not a number.
-    """
-    path = folder / POSES_FILE
-    if not path.is_file():
-        raise CalibrationError(
-            f"no {POSES_FILE} in {folder}: hand-eye calibration needs the flange's pose at each "
-            f"shot, in the columns name, {', '.join(POSE_COLUMNS)}",
-            path,
-        )
-    try:
-        table = pl.read_csv(
-            path, schema_overrides={"name": pl.String, **dict.fromkeys(POSE_COLUMNS, pl.Float64)}
-        )
-        values = table.select(POSE_COLUMNS).to_numpy()
-        names = table["name"].to_list()
-    except pl.exceptions.PolarsError as error:
-        columns = ", ".join(POSE_COLUMNS)
-        raise CalibrationError(
-            f"{path} cannot be read ({error}): expected the columns name, {columns}", path
-        ) from error
-    if not np.isfinite(values).all():
-        raise CalibrationError(
-            f"{path} holds a value that is missing or not finite: mend or remove its row", path
-        )
-    return dict(zip(names, se3.from_rotation_vector(values[:, 3:], values[:, :3]), strict=True))
-
-
 def write_results(
     folder: Path,
     found: ShotFolder,
     result: Calibration | HandEye,
     figures: Mapping[str, Figure],
     metrics: dict[str, object],
-    dropped: Mapping[str, str] = {},
+    of_shots: Mapping[str, Float[np.ndarray, "shots"]] = {},
 ) -> None:
-    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with the
-    reason if left out.
+    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with what
+    else is known of it and the reason if left out.
     """
     result.rig.save(folder / RIG_FILE)
     writing.write_json(folder / "metrics.json", metrics)
     for name, figure in figures.items():
         write_png(figure, folder / f"{name}.png")
-    left_out = {**dropped, **dict.fromkeys(found.without_board, "board not found in both pictures")}
-    used = zip(result.shots, result.residuals_px.tolist(), strict=True)
-    rows = [(shot.name, left, right, "") for shot, (left, right) in used]
-    rows += [(name, None, None, reason) for name, reason in left_out.items()]
-    columns = {
-        "name": pl.String,
-        "left_px": pl.Float64,
-        "right_px": pl.Float64,
-        "left_out": pl.String,
+    left_out = {
+        **result.dropped,
+        **dict.fromkeys(found.without_board, "board not found in both pictures"),
     }
-    table = pl.DataFrame(sorted(rows), schema=columns, orient="row")
+    table = pl.DataFrame(
+        {"name": [shot.name for shot in result.shots],
+         "left_px": result.residuals_px[:, 0], "right_px": result.residuals_px[:, 1], **of_shots},
+    )  # fmt: skip
+    others = pl.DataFrame({"name": list(left_out), "left_out": list(left_out.values())})
+    table = pl.concat([table, others.cast(pl.String)], how="diagonal").sort("name")
     writing.write_csv(folder / "residuals.csv", table, digits=4)
 
 

@@ -15,12 +15,14 @@ import pytest
 
 from breastscan.commands.shots import ShotFolder
 from breastscan.errors import BreastScanError
+from breastscan.geometry import se3
 from breastscan.planning import fitting
 from breastscan.planning.motion import Motion
 from breastscan.run import writing
 from breastscan.run.unfinished import ABORTED, JOURNAL_FILE, PLAN_FILE
 from breastscan.scan import PlanningConfig, ScanConfig
 from breastscan.vision.board import BoardShot
+from breastscan.vision.boards.poses_table import StatedPoses
 from sim.room.cell import cell_of
 from sim.scene import Scene, SceneConfig
 from tests.commands.probes import Everything, content, loop_of, planned, replaced, small_pair
@@ -112,6 +114,11 @@ def shots_found() -> ShotFolder:
     return ShotFolder(shots=(shot,), size=(camera.width, camera.height), without_board=())
 
 
+def a_pose() -> StatedPoses:
+    X_BF = se3.from_rotation_vector(np.array([[0.3, 0.2, 0.1]]), np.array([[0.5, 0.0, 0.3]]))
+    return StatedPoses(rows={"a": 0}, X_BF=X_BF, readings={})
+
+
 @cache
 def ten_rows() -> tuple[Motion, Any]:
     whole, feed = planned(Everything())
@@ -153,7 +160,7 @@ def recorded_by(command: str) -> dict[str, Any]:
     return {
         "calibrate": {"sim.cameras.shown_board.ShownBoard": (), "files.read_shots": Handed},
         "handeye": {
-            "sim.cameras.held_board.HeldBoard": (), "files.read_poses": {"a": np.eye(4)},
+            "sim.cameras.held_board.HeldBoard": (), "poses_table.read": a_pose(),
             "files.read_shots": shots_found(), "hand_eye": Handed,
         },
         "plan": {

@@ -14,6 +14,7 @@ from breastscan.commands.calibrate import calibrate
 from breastscan.commands.handeye import handeye
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
+from breastscan.vision.boards import poses_table
 from breastscan.vision.camera import StereoRig
 from tests.vision.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
 
@@ -82,32 +83,43 @@ def test_a_folder_with_poses_becomes_the_cameras_place(rig, rig_file, flange_fol
     handeye(flange_folder, rig=rig_file, out=tmp_path, board=BOARD)
     X_LL = se3.inverse(rig.X_BL) @ StereoRig.load(tmp_path / "rig.yaml").X_BL
     assert np.linalg.norm(X_LL[:3, 3]) * 1e3 < 0.5
-    assert {"poses.png", "frames.png", "residuals.png"} <= {
+    assert {"poses.png", "frames.png", "residuals.png", "covariance.json"} <= {
         path.name for path in tmp_path.iterdir()
     }
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["handeye_square_mm"] == pytest.approx(1e3 * BOARD.square, rel=1e-3)
+    assert metrics["handeye_held_out_mm"] < 0.5
+    assert "slack_sigmas" in (tmp_path / "residuals.csv").read_text().splitlines()[0]
 
 
 def test_poses_survive_their_file(tmp_path):
     X_BF = flange_poses(make_rig(), X_FBoard, 3, np.random.default_rng(1))
     shots.write_poses(tmp_path, dict(zip("abc", X_BF, strict=True)))
-    np.testing.assert_allclose(np.stack(list(shots.read_poses(tmp_path).values())), X_BF, atol=1e-9)
+    np.testing.assert_allclose(poses_table.read(tmp_path).X_BF, X_BF, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "content", ["", "name,x_m\n00,1\n", "name,x_m,y_m,z_m,rx_rad,ry_rad,rz_rad\n00,a,0,0,0,0,0\n",
-                "name,x_m,y_m,z_m,rx_rad,ry_rad,rz_rad\n00,nan,0,0,0,0,0\n"],
-)  # fmt: skip
-def test_damaged_poses_are_refused_by_the_files_name(content, tmp_path):
-    (tmp_path / "poses.csv").write_text(content)
-    with pytest.raises(CalibrationError, match=r"poses\.csv"):
-        shots.read_poses(tmp_path)
+def test_cameras_on_the_flange_are_placed_in_it(rig, rig_file, flange_folder, tmp_path):
+    """The same pictures, had the board stood still and the cameras been moved."""
+    (tmp_path / "shots").mkdir()
+    for path in flange_folder.glob("*.png"):
+        (tmp_path / "shots" / path.name).symlink_to(path)
+    stated = poses_table.read(flange_folder)
+    X_FB = se3.inverse(stated.X_BF)
+    shots.write_poses(tmp_path / "shots", dict(zip(stated.rows, X_FB, strict=True)))
+    with pytest.raises(CalibrationError, match="--on-flange"):
+        handeye(tmp_path / "shots", rig=rig_file, out=tmp_path, board=BOARD)
+    out = tmp_path / "out"
+    handeye(tmp_path / "shots", rig=rig_file, on_flange=True, out=out, board=BOARD)
+    assert StereoRig.load(out / "rig.yaml").X_BL is None
+    X_FL = np.array(json.loads((out / "on_flange.json").read_text())["X_FL"])
+    assert np.linalg.norm((se3.inverse(rig.X_BL) @ X_FL)[:3, 3]) * 1e3 < 0.5
 
 
 def test_missing_poses_and_missing_rows_are_named(rig, rig_file, board_folder, tmp_path):
     with pytest.raises(CalibrationError, match=r"no poses\.csv"):
-        shots.read_poses(board_folder)
+        poses_table.read(board_folder)
     write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
-    shots.write_poses(tmp_path, {"00": np.eye(4)})
+    shots.write_poses(tmp_path, {"00": X_FBoard})
     with pytest.raises(CalibrationError, match="no row for 01"):
         handeye(tmp_path, rig=rig_file, out=tmp_path / "out", board=BOARD)
 

@@ -179,6 +179,7 @@ USUAL: dict[str, dict[str, Any]] = {
 OPTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "twin": (True, {"shots": None}),
     "out": (Path("elsewhere"), {}),
+    "on_flange": (True, {}),
     "resume": ("cut off", {}),
     "seed": (3, {}),
     "calibrate.seed": (3, {"shots": None, "twin": True}),
