@@ -92,6 +92,16 @@ def go_above(robot: Robot, motion: Motion, beside: Place | None, start: int) -> 
     return first
 
 
+def follow_way(robot: Robot, motion: Motion, stroke: int) -> None:
+    """Move freely on the way that leads to a stroke, or after the last one home, but to its end.
+
+    Raises:
+        RobotError: The robot refused.
+    """
+    for q in (q for way in motion.ways[stroke : stroke + 1] for q in way):
+        transfer(robot, q)
+
+
 def transfer(robot: Robot, q: Float[np.ndarray, "6"]) -> None:
     """Move freely to joint angles [rad].
 

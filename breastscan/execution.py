@@ -112,6 +112,8 @@ def execute(
         q_park = place.q_lifted if place is not None and place.touching else robot.state().q
     for stroke in range(motion.stroke_of(start), len(motion.starts)):
         first = max(start, motion.starts[stroke])
+        if place is None:
+            approach.follow_way(robot, motion, stroke)
         above = approach.go_above(robot, motion, place, first)
         if above < first:
             to_start = PathSection(first, first, in_air=True, clearance=motion.clearance)
@@ -119,8 +121,7 @@ def execute(
         section = PathSection(motion.lasts[stroke], first, in_air, motion.clearance)
         follow(section, first, progress)
         place = None
-        if stroke in motion.detours:
-            approach.transfer(robot, q_park)
+    approach.follow_way(robot, motion, len(motion.starts))
     approach.transfer(robot, q_park)
     return log
 

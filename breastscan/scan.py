@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32
 
-from breastscan import execution, scan_log, skin_view
+from breastscan import approach, execution, scan_log, skin_view
 from breastscan.camera.interface import StereoCamera, StereoPair
 from breastscan.cell import Cell
 from breastscan.checks import require_positive
@@ -27,7 +27,7 @@ from breastscan.control.safety import SafetyLimits
 from breastscan.errors import ConfigError, NoBreastError, PlanningError
 from breastscan.geometry import se3
 from breastscan.geometry.skin import Skin
-from breastscan.planning import examination, fitting, motion, pattern
+from breastscan.planning import examination, fitting, motion, pattern, ways
 from breastscan.planning.clearance import Body
 from breastscan.planning.coverage import CoverageConfig, Patch
 from breastscan.planning.examination import Coverage
@@ -368,12 +368,12 @@ def scan(
     with stages.stage("capture"):
         images = camera.capture()
     reconstruction = perceive(images, cell.rig, config.perception, stages)
-    plan = plan_scan(reconstruction, cell, robot, config, stages)
-    plan.motion.require_lift(robot.X_FP, robot.calibration)
+    q_home = robot.state().q if cut_off is None else cut_off.q_home
+    log = [] if cut_off is None else cut_off.log
+    plan = plan_scan(reconstruction, cell, robot, config, stages, q_home, log)
     on_plan(plan)
     if cut_off is not None:
         cut_off.require_same(plan.motion)
-    log = [] if cut_off is None else cut_off.log
     with keep(images, plan, robot, log), stages.stage("execution") as progress:
         execution.execute(
             robot,
@@ -384,7 +384,7 @@ def scan(
             progress=progress,
             start=scan_log.resumption_row(log, plan.motion.s),
             in_air=in_air,
-            q_home=None if cut_off is None else cut_off.q_home,
+            q_home=q_home,
         )
     trajectory = scan_log.trajectory(log, plan.motion, robot)
     wall = stages.wall_s["execution"]
@@ -480,9 +480,25 @@ def check_sides(
 
 
 def plan_scan(
-    reconstruction: Reconstruction, cell: Cell, robot: Robot, config: ScanConfig, stages: Stages
+    reconstruction: Reconstruction,
+    cell: Cell,
+    robot: Robot,
+    config: ScanConfig,
+    stages: Stages,
+    q_home: Float[np.ndarray, "6"],
+    log: list[Sample] | None = None,
 ) -> ScanPlan:
-    """From the cloud to joint angles for every control period."""
+    """From the cloud to joint angles for every control period, and the ways to and from them.
+
+    Args:
+        reconstruction: What the cameras saw.
+        cell: Where the robot stands.
+        robot: The twin or the real arm.
+        config: Every setting.
+        stages: Takes the wall times and hears of the progress.
+        q_home: Where the arm comes from, and parks in the end [rad].
+        log: Of a scan that was cut off and is gone on with.
+    """
     X_BL = cell.rig.X_BL
     assert X_BL is not None, "a cell's rig has its place in the base"
     planning = config.planning
@@ -543,12 +559,18 @@ def plan_scan(
             )
             for stroke in strokes
         ]
-        whole = motion.joined(planned, planning.joints.reachable_angles)
+    with stages.stage("motion"):
+        for stroke in planned:
+            stroke.require_lift(robot.X_FP, robot.calibration)
+        whole, kept = ways.connected(planned, task, q_home)
+        if log and approach.place(robot, whole) is None:
+            begun = whole.stroke_of(scan_log.resumption_row(log, whole.s))
+            whole = ways.entered(whole, task, begun, robot.state().q)
     return ScanPlan(
         points_B=points_B,
         normals_B=se3.rotate(X_BL, reconstruction.normals_L),
-        strokes=tuple(strokes),
-        motion=replace(whole, detours=examination.detours(whole, task)),
+        strokes=tuple(strokes[k] for k in kept),
+        motion=whole,
         coverage=coverage,
         hidden_speed=hidden,
     )

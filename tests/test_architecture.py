@@ -27,7 +27,7 @@ PRODUCT = {
     "approach": ALL_STAGES,
     "execution": ALL_STAGES | {"approach", "interruptions"},
     "skin_view": ALL_STAGES,
-    "scan": ALL_STAGES | {"cell", "execution", "scan_log", "skin_view"},
+    "scan": ALL_STAGES | {"approach", "cell", "execution", "scan_log", "skin_view"},
     "report": UNDER | {"run"},
 }
 """What each room of the product may import, itself aside."""

@@ -96,23 +96,32 @@ class Track:
         there = replace(self, fraction=self.fraction[::-1], azimuth=self.azimuth[::-1])
         return replace(there, back=False)
 
-    def part(self, begin: float, end: float) -> "Track":
-        """An open piece of it, between shares of its evenly spaced points [-]."""
+    @property
+    def _length(self) -> int:
+        """Its points, less one; round a closed track there is one more step."""
+        return len(self.fraction) - (not self.closed)
+
+    def at(self, share: Float[np.ndarray, "m"]) -> "Track":
+        """An open track through places of this one, at shares of its evenly spaced points [-];
+        beyond 1 a closed one goes on.
+        """
         fraction, azimuth = self.fraction, self.azimuth
         if self.closed:
             turn = math.copysign(2.0 * math.pi, azimuth[-1] - azimuth[0])
-            fraction, azimuth = (
-                np.append(fraction, fraction[0]),
-                np.append(azimuth, azimuth[0] + turn),
-            )
-        points = max(round((end - begin) * (len(fraction) - 1)) + 1, FEWEST_POINTS)
-        places, at = np.arange(len(fraction)), np.linspace(begin, end, points) * (len(fraction) - 1)
+            fraction = np.concatenate([fraction, fraction, fraction[:1]])
+            azimuth = np.concatenate([azimuth, azimuth + turn, azimuth[:1] + 2.0 * turn])
+        places, at = np.arange(len(fraction)), share * self._length
         return replace(
             self,
             fraction=np.interp(at, places, fraction),
             azimuth=np.interp(at, places, azimuth),
             closed=False,
         )
+
+    def part(self, begin: float, end: float) -> "Track":
+        """An open piece of it, between shares of its evenly spaced points [-]."""
+        points = max(round((end - begin) * self._length) + 1, FEWEST_POINTS)
+        return self.at(np.linspace(begin, end, points))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +182,31 @@ class Band:
         Raises:
             PlanningError: Skin was not seen there.
         """
-        net = _Meridians(self.skin, self.top_ab, track.azimuth)
-        s = self.first + track.fraction * (self.lowest(track.azimuth) - self.first)
-        path = pattern.path_on(self.skin, net.at(s), closed=track.closed)
+        path = pattern.path_on(self.skin, self._chart(track), closed=track.closed)
         return replace(path, array_along=track.array_along)
+
+    def seen(self, track: Track) -> list[Track]:
+        """The pieces of a track on skin that was seen: most often the whole of it."""
+        known = self._known(track)
+        if known.all():
+            return [track]
+        if track.closed:
+            unseen = np.argmin(known) / (SAMPLES - 1)
+            track = track.part(unseen, unseen + 1.0)
+            known = self._known(track)
+        known = minimum_filter1d(known.astype(np.uint8), 3).astype(bool)
+        runs = np.split(np.arange(SAMPLES), np.flatnonzero(np.diff(known)) + 1)
+        shares = [run[[0, -1]] / (SAMPLES - 1) for run in runs if known[run[0]]]
+        return [track.part(begin, end) for begin, end in shares if end > begin]
+
+    def _known(self, track: Track) -> Bool[np.ndarray, "m"]:
+        """Whether skin was seen, at even shares of a track."""
+        return self.skin.known(self._chart(track.at(np.linspace(0.0, 1.0, SAMPLES))))
+
+    def _chart(self, track: Track) -> Float[np.ndarray, "n 2"]:
+        """Where a track runs in the skin's chart [rad]."""
+        s = self.first + track.fraction * (self.lowest(track.azimuth) - self.first)
+        return _Meridians(self.skin, self.top_ab, track.azimuth).at(s)
 
     def lowest(self, azimuth: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
         """The last length at azimuths [rad]."""

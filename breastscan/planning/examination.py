@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.geometry.plane import Plane
 from breastscan.geometry.skin import Skin
 from breastscan.planning import coverage
 from breastscan.planning.candidates import Limits
 from breastscan.planning.coverage import Band, CoverageConfig, Kind, Patch, Track
 from breastscan.planning.fitting import Fitted, Task
-from breastscan.planning.motion import Motion
 from breastscan.planning.pattern import Path
 from breastscan.planning.roll_graph import BlockedError, rolled
 
@@ -28,10 +26,6 @@ ROLL_ROOM = math.radians(5.0)
 BODY_MARGIN = 0.0025
 """Smallest planned gap between the body and the probe, rolled so far and as deep as in the softest
 tissue [m]: in usual tissue, the array level, 4 mm more. A single loop need not go so low."""
-WAY_SAMPLES = 60
-"""Of the way from stroke to stroke, that are looked at."""
-WAY_MARGIN = 0.01
-"""Smallest gap there [m]."""
 CLEARANCE = 0.03
 """From the skin between two strokes [m]; a single loop is come to from farther away."""
 SHORTEST = 0.03
@@ -111,7 +105,8 @@ class Coverage:
         self, pressed: Pressed, task: Task, progress: Callable[[float], None]
     ) -> list[Fitted]:
         """The strokes, each in as few pieces as the arm can follow: where it cannot go on as it is
-        bent, it leaves the skin and comes back otherwise. What it can follow in no way is left out.
+        bent, or no skin was seen, it leaves the skin and comes back otherwise or behind. What it
+        can follow in no way is left out.
 
         The first, next to the chest, most often falls into pieces in other postures, so it is
         planned after the others, which keep to one; its last piece is the nearest to them.
@@ -124,7 +119,7 @@ class Coverage:
         Raises:
             PlanningError: The arm can follow none of them.
         """
-        first, *others = self.tracks
+        first, *others = [self.band.seen(track) for track in self.tracks]
         pieces: list[Fitted] = []
         for number, track in enumerate(others):
             progress(number / len(self.tracks))
@@ -133,14 +128,14 @@ class Coverage:
         after = pieces[0].motion.q[0] if pieces else None
         pieces = self._fit(first, pressed, task, after)[::-1] + pieces
         if not pieces:
-            _fitted(pressed(self.band.path(first)), task)  # says why
+            _fitted(pressed(self.band.path(self.tracks[0])), task)  # says why
         return pieces
 
     def _fit(
-        self, track: Track, pressed: Pressed, task: Task, before: np.ndarray | None
+        self, seen: list[Track], pressed: Pressed, task: Task, before: np.ndarray | None
     ) -> list[Fitted]:
         """The pieces of a stroke, the first begun from near some joint angles [rad], if given."""
-        pieces, left = [], [track]
+        pieces, left = [], list(seen)
         while left:
             track = left.pop(0)
             path = pressed(self.band.path(track))
@@ -173,27 +168,6 @@ def held(task: Task) -> Task:
         body_margin=min(task.config.body_margin, BODY_MARGIN),
     )
     return replace(task, config=config)
-
-
-def detours(motion: Motion, task: Task) -> tuple[int, ...]:
-    """Strokes, from 0, from whose end the arm cannot move straight in joint space to the beginning
-    of the next without coming too near to the body, itself or its surroundings.
-    """
-    if task.clearance is None:
-        return ()
-    arm, nowhere = task.calibration or KinematicCalibration.nominal(), np.full(3, np.inf)
-    found = []
-    for stroke, (last, first) in enumerate(zip(motion.lasts[:-1], motion.starts[1:], strict=True)):
-        begin, end = (motion.lifted(row, task.X_FP, arm) for row in (last, first))
-        q = np.linspace(begin, end, WAY_SAMPLES)
-        gaps = (
-            task.clearance(q),
-            task.clearance.arm_to_body(q),
-            task.clearance.tool_to_body(arm.forward(q), np.tile(nowhere, (len(q), 1)), 0.0),
-        )
-        if np.min(gaps) < WAY_MARGIN:
-            found.append(stroke)
-    return tuple(found)
 
 
 def _fitted(path: Path, task: Task) -> Fitted:

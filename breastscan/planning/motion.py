@@ -58,8 +58,9 @@ class Motion:
     starts: tuple[int, ...] = (0,)
     """First row of each stroke. From the last row of one to the first of the next the arm goes
     clear of the skin."""
-    detours: tuple[int, ...] = ()
-    """Strokes, from 0, after which the arm parks, since no straight way leads to the next."""
+    ways: tuple[tuple[Float[np.ndarray, "6"], ...], ...] = ()
+    """To each stroke from the one before, to the first from home, and from the last home: over
+    which joint angles the arm goes [rad]. Without any, straight."""
     slowed: float = 1.0
     """How many times longer it takes than the feedrate alone would; 1 where the joints keep up."""
     largest_tilt: float = 0.0
@@ -79,6 +80,16 @@ class Motion:
     def stroke_of(self, row: int) -> int:
         """Number of the stroke that a row belongs to, from 0."""
         return int(np.searchsorted(self.starts, row, side="right")) - 1
+
+    def turned(self, near: Float[np.ndarray, "6"], limit: Float[np.ndarray, "6"]) -> "Motion":
+        """The same with its joints turned by whole rotations.
+
+        Args:
+            near: To where the first row is to be nearest [rad].
+            limit: Largest angle of each joint [rad].
+        """
+        rotations = _rotations(self.q, near, limit)
+        return replace(self, q=self.q + rotations, q_approach=self.q_approach + rotations)
 
     def at(self, row: float) -> Float[np.ndarray, "6"]:
         """Joint angles [rad] at a row, with a fraction."""
@@ -119,22 +130,15 @@ class Motion:
                 )
 
 
-def joined(strokes: Sequence[Motion], limit: Float[np.ndarray, "6"]) -> Motion:
-    """Strokes one after the other, each with its joints turned by whole rotations to where the one
-    before has left them.
-
-    Args:
-        strokes: Of one path each.
-        limit: Largest angle of each joint [rad].
-    """
-    q, s = [strokes[0].q], [strokes[0].s]
+def joined(strokes: Sequence[Motion]) -> Motion:
+    """Strokes of one path each, one after the other."""
+    s = [strokes[0].s]
     for stroke in strokes[1:]:
-        q.append(stroke.q + _rotations(stroke.q, q[-1][-1], limit))
         s.append(s[-1][-1] + stroke.s)
     counts = [len(stroke.q) for stroke in strokes]
     return replace(
         strokes[0],
-        q=np.concatenate(q),
+        q=np.concatenate([stroke.q for stroke in strokes]),
         qd=np.concatenate([stroke.qd for stroke in strokes]),
         s=np.concatenate(s),
         drag_B=_concatenated([stroke.drag_B for stroke in strokes]),

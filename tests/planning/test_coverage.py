@@ -5,7 +5,8 @@ import pytest
 
 from breastscan.errors import ConfigError, PlanningError
 from breastscan.geometry.plane import Plane
-from breastscan.planning import coverage
+from breastscan.geometry.skin import REACH
+from breastscan.planning import coverage, pattern
 from breastscan.planning.coverage import Band, CoverageConfig, Patch, Track
 from tests.skins import ellipsoid
 
@@ -196,6 +197,47 @@ def test_skin_that_was_not_seen_is_not_crossed():
     half_seen = replace(lain, skin=replace(BALL, support=BALL.support & middle))
     with pytest.raises(PlanningError, match="no skin was seen over"):
         half_seen.path(Track(np.ones(12), np.linspace(0.0, 6.0, 12)))
+
+
+def unseen_between(lain, begin, end):
+    """The band, no skin seen between two azimuths [rad], the robot's side being 0."""
+    side = len(BALL.support)
+    cells = (np.moveaxis(np.indices((side, side)), 0, -1) + 0.5) / side * 2 * REACH - REACH
+    out = (cells - lain.top_ab) @ pattern.towards_robot(BALL).T
+    azimuths = np.arctan2(out[..., 1], out[..., 0])
+    hidden = (azimuths > begin) & (azimuths < end)
+    return replace(lain, skin=replace(BALL, support=BALL.support & ~hidden))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_loop_over_unseen_skin_is_cut_there_and_goes_all_around(way):
+    lain = band()
+    loop = coverage.tracks("loops", lain, 0.02)[0]
+    loop = replace(loop, azimuth=way * np.abs(loop.azimuth))
+    (piece,) = unseen_between(lain, 0.5, 0.8).seen(loop)
+    assert not piece.closed
+    azimuths = np.mod(piece.azimuth, 2 * np.pi)
+    assert ((azimuths > 0.75) | (azimuths < 0.55)).all()
+    assert np.abs(np.diff(piece.azimuth)).max() < 0.5
+    assert np.ptp(piece.azimuth) == pytest.approx(2 * np.pi - 0.3, abs=0.1)
+    unseen_between(lain, 0.5, 0.8).path(piece)  # all of it was seen
+
+
+def test_an_open_stroke_over_unseen_skin_falls_into_pieces():
+    lain = band()
+    stroke = Track(np.full(40, 0.5), np.linspace(-1.0, 2.0, 40))
+    first, second = unseen_between(lain, 0.5, 0.8).seen(stroke)
+    assert first.azimuth[0] == pytest.approx(-1.0, abs=0.02)
+    assert 0.4 < first.azimuth[-1] < 0.55
+    assert 0.75 < second.azimuth[0] < 0.9
+    assert second.azimuth[-1] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_stroke_that_was_seen_stays_whole_and_one_that_was_not_goes():
+    lain = band()
+    loop = coverage.tracks("loops", lain, 0.02)[0]
+    assert lain.seen(loop) == [loop]
+    assert unseen_between(lain, -4.0, 4.0).seen(loop) == []
 
 
 @pytest.mark.parametrize("wrong", [{"overlap": 0.9}, {"overlap": -0.1}, {"nipple_margin": 0.0}])

@@ -219,19 +219,18 @@ def test_without_a_model_of_the_tissue_nothing_is_dragged(planned):
     np.testing.assert_array_equal(planned.drag_at(3.0, 0.006), 0.0)
 
 
-def test_strokes_are_joined_with_the_joints_turned_to_where_the_last_has_left_them(planned):
+def test_a_stroke_is_turned_to_where_the_last_has_left_the_joints(planned):
     """By whole rotations, and only as far as the joints reach."""
-    turned = dataclasses.replace(
+    back = dataclasses.replace(
         planned, q=planned.q[::-1] + 2 * np.pi * np.array([0, 0, 0, 0, 0, 1])
     )
-    limit = np.full(6, 2 * np.pi)
-    whole = motion.joined([planned, turned], limit)
-    rows = len(planned.q)
+    turned = back.turned(planned.q[-1], np.full(6, 2 * np.pi))
+    np.testing.assert_allclose(turned.q[0], planned.q[-1], atol=1e-12)
+    assert np.abs(turned.q).max() <= 2 * np.pi
+    whole, rows = motion.joined([planned, turned]), len(planned.q)
     assert whole.starts == (0, rows)
     assert whole.lasts == (rows - 1, 2 * rows - 1)
     assert [whole.stroke_of(row) for row in (0, rows - 1, rows)] == [0, 0, 1]
-    np.testing.assert_allclose(whole.q[rows], planned.q[-1], atol=1e-12)
-    assert np.abs(whole.q).max() <= 2 * np.pi
     assert (np.diff(whole.s) >= 0).all()
     assert whole.s[-1] == pytest.approx(2 * planned.s[-1])
 
