@@ -8,9 +8,12 @@ from jaxtyping import UInt8
 
 from breastscan.errors import PerceptionError
 
-SIXTEEN_BIT_MAX = 65535.0
+DEPTHS = (10, 12, 16)
+"""Bits of what cameras write into 16; of a picture the fewest that hold it."""
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
-SUFFIXES = (".png", ".tiff", ".tif", ".jpg", ".jpeg", ".bmp")
+JPEG_SCAN = 0xDA
+"""Marker after which a JPEG's pixels come, up to its end."""
+SUFFIXES = (".png", ".tiff", ".tif", ".jpg", ".jpeg", ".bmp", ".pgm", ".webp")
 """Of the files that are taken for pictures."""
 
 
@@ -34,12 +37,19 @@ def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
             path,
         )
     if image.dtype == np.uint16:
-        image = cv2.convertScaleAbs(image, alpha=255.0 / SIXTEEN_BIT_MAX)
+        largest = next(full for bits in DEPTHS if image.max() <= (full := 2**bits - 1))
+        image = cv2.convertScaleAbs(image, alpha=255.0 / largest)
     return image
 
 
 def _is_cut_jpeg(content: bytes) -> bool:
     """Whether a JPEG file lacks its end; OpenCV would fill the missing rows with grey and not
-    say so.
+    say so. Behind its end there may be anything, and before its pixels a preview with an end of its
+    own.
     """
-    return content.startswith(JPEG_START) and JPEG_END not in content[-64:]
+    if not content.startswith(JPEG_START):
+        return False
+    at = len(JPEG_START)
+    while at + 4 <= len(content) and content[at + 1] != JPEG_SCAN:
+        at += 2 + int.from_bytes(content[at + 2 : at + 4], "big")
+    return JPEG_END not in content[at:]

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
+from rich.markup import escape
 
 from breastscan.checks import require_seed
 from breastscan.commands import shots as files
-from breastscan.commands.console import Out, Seed, twin_imports
+from breastscan.commands.console import Out, Seed, console, twin_imports
 from breastscan.report import calibration_figures as draw
 from breastscan.run.writing import staged, write_settings
 from breastscan.vision import calibration
 from breastscan.vision.board import Board
+from breastscan.vision.boards.calibration_quality import QualityLimits
 from breastscan.vision.calibration import Calibration
 from breastscan.vision.rigs.writing import write_camera_info
 
@@ -28,6 +30,8 @@ def calibrate(
     out: Out = Path("out/calibrate"),
     seed: Seed = 0,
     board: Board = Board(),  # noqa: B008 (frozen)
+    limits: QualityLimits = QualityLimits(),  # noqa: B008 (frozen)
+    accept: bool = False,
 ) -> None:
     """Calibrate a pair of cameras from shots of a chessboard.
 
@@ -39,6 +43,9 @@ def calibrate(
             config.json and figures.
         seed: Seed of the twin's shots.
         board: The board.
+        limits: What the shots have to reach for the calibration to be trusted.
+        accept: Whether a calibration that does not reach them is written all the same, its warnings
+            in its file.
 
     Raises:
         CalibrationError: The shots are missing, do not fit together, or do not determine the
@@ -57,12 +64,21 @@ def calibrate(
         for name, pair in shown or ():
             files.write_shot(folder, name, pair)
         found = files.read_shots(shots or folder, board)
-        result = calibration.calibrate(found.shots, found.size, board)
+        result = calibration.calibrate(found.shots, found.size, board, limits, accept=accept)
         metrics = _metrics(result) | (shown.scene.errors_of(result.rig) if shown else {})
         write_camera_info(folder, result.rig)
-        files.write_results(folder, found, result, _figures(shots or folder, result), metrics)
-        write_settings(folder, {"twin": twin, "seed": seed, "board": board})
+        files.write_results(
+            folder, found, result, _figures(found, result), metrics, warnings=result.warnings
+        )
+        write_settings(
+            folder,
+            {"twin": twin, "seed": seed, "board": board, "limits": limits, "accept": accept},
+        )
     files.tell_results(out, metrics)
+    for warning in result.warnings:
+        console.print(f"[yellow]Accepted in spite of this: {escape(warning)}[/]", soft_wrap=True)
+    if not result.warnings:
+        console.print("Good: all limits hold.")
 
 
 def _metrics(result: Calibration) -> dict[str, object]:
@@ -75,12 +91,15 @@ def _metrics(result: Calibration) -> dict[str, object]:
         "calibration_tilt_spread_deg": float(np.degrees(quality.tilt_spread)),
         "calibration_shots": len(result.shots),
         "calibration_dropped": sorted(result.dropped),
+        "calibration_baseline_mm": result.rig.baseline * 1e3,
+        "calibration_focal_px": [float(c.K[0, 0]) for c in (result.rig.left, result.rig.right)],
+        "calibration_warnings": list(result.warnings),
     }
 
 
-def _figures(folder: Path, result: Calibration) -> dict[str, Figure]:
+def _figures(found: files.ShotFolder, result: Calibration) -> dict[str, Figure]:
     shot, rig = result.shots[0], result.rig
-    pair = files.read_pair(folder, shot.name)
+    pair = found.pair(shot.name)
     after = rig.rectify(pair.left, pair.right)
     return {
         "corners": draw.corners(

@@ -88,10 +88,12 @@ def handeye(
             {name: of_shots(X[rows]) for name, X in poses.readings.items()},
         )
         metrics = _metrics(result) | (held.scene.errors_of(result.rig) if held else {})
-        figures = _figures(source, result, board, on_flange)
+        figures = _figures(found, result, board, on_flange)
         if on_flange:
             result = _unplaced(folder, result)
-        files.write_results(folder, found, result, figures, metrics, {"slack_sigmas": result.slack})
+        files.write_results(
+            folder, found, result, figures, metrics, of_shots={"slack_sigmas": result.slack}
+        )
         write_json(
             folder / "covariance.json",
             {"of": "left camera, rotation [rad] then translation [m] in its own frame",
@@ -152,12 +154,14 @@ def _metrics(result: HandEye) -> dict[str, object]:
     }
 
 
-def _figures(folder: Path, result: HandEye, board: Board, on_flange: bool) -> dict[str, Figure]:
+def _figures(
+    found: files.ShotFolder, result: HandEye, board: Board, on_flange: bool
+) -> dict[str, Figure]:
     """Corners, residuals, and the frames where the base's is the common one."""
     assert result.rig.X_BL is not None
     cameras = (result.rig.X_BL, result.rig.X_BL @ se3.inverse(result.rig.X_RL))
     some = result.shots[:: max(len(result.shots) // SHOWN_POSES, 1)][:SHOWN_POSES]
-    pictures = [files.read_pair(folder, shot.name).left for shot in some]
+    pictures = [found.pair(shot.name).left for shot in some]
     frames = draw.hand_eye_frames(result.X_BF, result.X_FBoard, cameras, board.points)
     return {
         **({} if on_flange else {"frames": frames}),

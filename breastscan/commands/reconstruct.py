@@ -22,7 +22,8 @@ from breastscan.run import writing
 from breastscan.scan import PerceptionConfig, Stages, check_sides, match, reconstruct_breast
 from breastscan.vision.camera import RectifiedPair, StereoRig
 from breastscan.vision.disparity_picture import disparity_picture
-from breastscan.vision.matching.pair_check import check_exposure
+from breastscan.vision.matching.pair_check import check_depth, check_exposure
+from breastscan.vision.matching.row_check import check_rows
 from breastscan.vision.triangulation import depth_map, triangulate
 
 VIEW_POINTS = 100_000
@@ -31,6 +32,8 @@ of the image."""
 VIEW_ALPHA = 4.0
 """alpha of the denoising filter there [-] [Zhang, Eq. 12]: at 2, steep surfaces would go as well,
 whose points lie far apart."""
+DEPTHS = (0.01, 0.5, 0.99)
+"""Shares of the view up to which it is told how far away it is [-]."""
 VIEW_NEIGHBOURS = 15
 """Points that a normal is taken from there; distances are not known before [-]."""
 
@@ -56,6 +59,7 @@ def reconstruct(
     rig: Path,
     out: Out = Path("out/reconstruct"),
     perception: PerceptionConfig = PerceptionConfig(),  # noqa: B008 (frozen)
+    accept: bool = False,
 ) -> PairReconstruction:
     """Turn a stereo pair on disk into a point cloud of the breast, or of all that is in view where
     there is none.
@@ -66,6 +70,8 @@ def reconstruct(
         rig: The rig file of the two cameras.
         out: Folder for cloud.ply, depth.tiff, disparity.png and config.json.
         perception: Every setting of it.
+        accept: Whether to write also what is not trusted: of a pair that does not fit its rig, of
+            which hardly anything matches, or that shows nothing near.
 
     Returns:
         What the pair shows.
@@ -73,7 +79,7 @@ def reconstruct(
     Raises:
         CalibrationError: The rig file is not one.
         PerceptionError: An image cannot be read, shows nothing, has another size than the rig's,
-            the two are exchanged, or nothing in them matches.
+            the two are exchanged, they do not fit the rig, or nothing in them matches.
         ConfigError: `out` cannot be written.
     """
     cameras = StereoRig.load(rig)
@@ -82,6 +88,8 @@ def reconstruct(
     check_exposure(images.right, str(right))
     with writing.staged(out) as folder:
         pair, matched = match(images, cameras, perception, Stages())
+        if not accept:
+            _check_fit(images, pair, matched, cameras, perception)
         try:
             breast = reconstruct_breast(pair, matched, perception, Stages())
             view = PairReconstruction(
@@ -93,15 +101,39 @@ def reconstruct(
         except NoBreastError:
             check_sides(images, matched, cameras, perception)
             view = _whole_view(pair, matched)
+        depth = depth_map(view.disparity, pair)
+        if view.breast is None and not accept:
+            check_depth(depth, pair.baseline)
         writing.write_image(folder / "disparity.png", disparity_picture(view.disparity))
-        writing.write_image(folder / "depth.tiff", depth_map(view.disparity, pair))
+        writing.write_image(folder / "depth.tiff", depth)
         writing.write_cloud(folder / "cloud.ply", view.points_L, view.normals_L)
         writing.write_settings(folder, {"rig": rig, "perception": perception})
     what = "of the breast" if view.breast else "of the whole view, in which there is no breast,"
     console.print(
         f"{len(view.points_L)} points {what} with normals in {out / 'cloud.ply'}", soft_wrap=True
     )
+    near, middle, far = np.nanquantile(depth, DEPTHS)
+    console.print(
+        f"{np.isfinite(depth).mean():.0%} of the view matched, {near:.3f} to {far:.3f} m away "
+        f"(98 % of it), half of it nearer than {middle:.3f} m",
+        soft_wrap=True,
+    )
     return view
+
+
+def _check_fit(
+    images: StereoPair,
+    pair: RectifiedPair,
+    matched: Float32[np.ndarray, "h w"],
+    cameras: StereoRig,
+    perception: PerceptionConfig,
+) -> None:
+    """Refuse a pair that does not fit its rig, with the better reason if there is one."""
+    try:
+        check_rows(pair.left, pair.right)
+    except PerceptionError:
+        check_sides(images, matched, cameras, perception)
+        raise
 
 
 def _whole_view(pair: RectifiedPair, matched: Float32[np.ndarray, "h w"]) -> PairReconstruction:

@@ -1,12 +1,13 @@
 """What both calibrations share: shots of a board on disk, and what a calibration of them leaves
 behind.
 
-A shot is `NAME_left.png` and `NAME_right.png`; TIFF, JPEG and BMP files do as well. Where a robot
-held the board there is `poses.csv`, one row a shot (`vision/boards/poses_table.py`): the flange's
-pose in the robot's base, as a UR controller states it while its tool centre point is set to zero.
+A shot is `NAME_left.png` and `NAME_right.png`, or named otherwise (`camera/pairs.py`). Where a
+robot held the board there is `poses.csv`, one row a shot (`vision/boards/poses_table.py`): the
+flange's pose in the robot's base, as a UR controller states it while its tool centre point is set
+to zero.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +16,9 @@ import polars as pl
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from breastscan.camera.grey import SUFFIXES, read_grey
+from breastscan.camera.grey import read_grey
 from breastscan.camera.interface import StereoPair
+from breastscan.camera.pairs import paired
 from breastscan.commands.console import console
 from breastscan.errors import CalibrationError, ConfigError
 from breastscan.geometry import se3
@@ -39,8 +41,14 @@ class ShotFolder:
     """Those that show the whole board in both pictures."""
     size: tuple[int, int]
     """Width and height of every picture [px]."""
-    without_board: tuple[str, ...]
-    """Names of the others."""
+    pictures: Mapping[str, tuple[Path, Path]]
+    """Left and right, by the shot's name."""
+    left_out: Mapping[str, str]
+    """Names of the others, and why."""
+
+    def pair(self, name: str) -> StereoPair:
+        """Both pictures of a shot, as 8-bit grey."""
+        return _read(self.pictures[name])
 
 
 def need_one_source(shots: Path | None, twin: bool, seed: int) -> None:
@@ -63,63 +71,56 @@ def write_shot(folder: Path, name: str, pair: StereoPair) -> None:
     writing.write_image(folder / f"{name}_right.png", pair.right)
 
 
-def read_pair(folder: Path, name: str) -> StereoPair:
-    """Both pictures of a shot, as 8-bit grey.
-
-    Raises:
-        PerceptionError: A picture is missing or damaged.
-    """
-    left, right = (read_grey(_picture(folder, name, side)) for side in ("left", "right"))
-    return StereoPair(left=left, right=right, time=0.0)
-
-
-def _picture(folder: Path, name: str, side: str) -> Path:
-    """The file of one picture; where there is none, the one that was expected."""
-    files = [folder / f"{name}_{side}{suffix}" for suffix in SUFFIXES]
-    return next((file for file in files if file.is_file()), files[0])
-
-
 def read_shots(folder: Path, board: Board) -> ShotFolder:
-    """Find the board's corners in every shot of a folder.
+    """Find the board's corners in every shot of a folder; its pictures are named as
+    `camera.pairs.paired` has it.
 
     Raises:
         CalibrationError: The folder holds no shots, they differ in size, or the board is never
             found.
-        PerceptionError: A picture is missing or damaged.
+        PerceptionError: There is no folder, or a picture is damaged.
     """
-    left = (path for path in folder.glob("*_left.*") if path.suffix in SUFFIXES)
-    names = sorted({path.stem.removesuffix("_left") for path in left})
-    if not names:
+    there = paired(folder)
+    if not there.pairs:
         raise CalibrationError(
             f"no shots in {folder}: expected pairs NAME_left.png and NAME_right.png", folder
         )
-    found = []
-    without_board = []
+    found: list[BoardShot] = []
+    left_out = {str(path.relative_to(folder)): "no partner" for path in there.alone}
     size = None
-    for name in names:
-        pair = read_pair(folder, name)
+    for name, paths in there.pairs.items():
+        pair = _read(paths)
         size = size or pair.left.shape
-        for side, picture in (("left", pair.left), ("right", pair.right)):
+        for path, picture in zip(paths, (pair.left, pair.right), strict=True):
             if picture.shape != size:
                 raise CalibrationError(
-                    f"{_picture(folder, name, side)} is {picture.shape[1]}x{picture.shape[0]} px, "
-                    f"the others are {size[1]}x{size[0]} px: take all shots with one camera "
-                    "setting",
+                    f"{path} is {picture.shape[1]}x{picture.shape[0]} px, the others are "
+                    f"{size[1]}x{size[0]} px: take all shots with one camera setting",
                     picture.shape,
                 )
         shot = find_shot(name, pair.left, pair.right, board)
-        found.append(shot) if shot else without_board.append(name)
+        if shot is None:
+            left_out[name] = "board not found in both pictures"
+        elif same := next((other.name for other in found if other.is_like(shot)), None):
+            left_out[name] = f"the same as {same}"
+        else:
+            found.append(shot)
     if not found:
         raise CalibrationError(
-            f"none of the {len(names)} shots in {folder} shows a board of {board.columns} x "
+            f"none of the {len(there.pairs)} shots in {folder} shows a board of {board.columns} x "
             f"{board.rows} inner corners in both pictures: check the board's numbers, the light "
             "and the focus",
             folder,
         )
     assert size is not None
     return ShotFolder(
-        shots=tuple(found), size=(size[1], size[0]), without_board=tuple(without_board)
+        shots=tuple(found), size=(size[1], size[0]), pictures=there.pairs, left_out=left_out
     )
+
+
+def _read(paths: tuple[Path, Path]) -> StereoPair:
+    left, right = (read_grey(path) for path in paths)
+    return StereoPair(left=left, right=right, time=0.0)
 
 
 def write_poses(folder: Path, X_BF: dict[str, Float[np.ndarray, "4 4"]]) -> None:
@@ -135,19 +136,18 @@ def write_results(
     result: Calibration | HandEye,
     figures: Mapping[str, Figure],
     metrics: dict[str, object],
+    *,
     of_shots: Mapping[str, Float[np.ndarray, "shots"]] = {},
+    warnings: Sequence[str] = (),
 ) -> None:
-    """Write `rig.yaml`, `metrics.json`, the figures, and `residuals.csv`: a row a shot, with what
-    else is known of it and the reason if left out.
+    """Write `rig.yaml`, with what speaks against it, `metrics.json`, the figures, and
+    `residuals.csv`: a row a shot, with what else is known of it and the reason if left out.
     """
-    result.rig.save(folder / RIG_FILE)
+    result.rig.save(folder / RIG_FILE, warnings)
     writing.write_json(folder / "metrics.json", metrics)
     for name, figure in figures.items():
         write_png(figure, folder / f"{name}.png")
-    left_out = {
-        **result.dropped,
-        **dict.fromkeys(found.without_board, "board not found in both pictures"),
-    }
+    left_out = {**result.dropped, **found.left_out}
     table = pl.DataFrame(
         {"name": [shot.name for shot in result.shots],
          "left_px": result.residuals_px[:, 0], "right_px": result.residuals_px[:, 1], **of_shots},

@@ -16,7 +16,13 @@ from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.vision.board import Board, BoardShot
 from breastscan.vision.boards import bundle
-from breastscan.vision.boards.calibration_quality import Quality, check, image_coverage, tilt_spread
+from breastscan.vision.boards.calibration_quality import (
+    Quality,
+    QualityLimits,
+    complaints,
+    image_coverage,
+    tilt_spread,
+)
 from breastscan.vision.camera import Intrinsics, StereoRig
 
 HELD_OUT_EVERY = 5
@@ -26,6 +32,9 @@ FEWEST_SHOTS = 12
 OUTLIER_RATIO, OUTLIER_PX = 4.0, 0.05
 """A shot is an outlier when its residual exceeds the median one so many times [-], and so much
 [px]."""
+MISPAIRED_RATIO, MISPAIRED = 6.0, 0.01
+"""Its pictures are not of one instant when the right camera's place, as they give it, is off the
+median place by so many times the median of the others' distances [-], and so far [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +52,8 @@ class Calibration:
     dropped: dict[str, str]
     """Names of the shots that were not used, and why."""
     quality: Quality
+    warnings: tuple[str, ...]
+    """What it does not reach, where that was accepted."""
 
     @property
     def reprojection_px(self) -> float:
@@ -50,13 +61,22 @@ class Calibration:
         return float(np.sqrt(np.mean(self.residuals_px**2)))
 
 
-def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> Calibration:
+def calibrate(
+    shots: Sequence[BoardShot],
+    size: tuple[int, int],
+    board: Board,
+    limits: QualityLimits = QualityLimits(),  # noqa: B008 (frozen)
+    *,
+    accept: bool = False,
+) -> Calibration:
     """Both cameras and their relative pose, without hand-eye.
 
     Args:
         shots: The board's corners in both pictures of each shot.
         size: Width and height of the pictures [px].
         board: The board.
+        limits: What the set has to reach.
+        accept: Whether a set that does not is taken all the same, with its warnings.
 
     Raises:
         CalibrationError: Too few shots fit together, left and right are swapped, or the set is too
@@ -70,7 +90,14 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
                 f"needed{_because(dropped)}: take more, with the whole board in both pictures",
                 dropped,
             )
-        rig, X_LBoard, residuals_px = _estimate(used, size, board)
+        alone = _each_alone(used, size, board)
+        mispaired = _mispaired(alone)
+        for shot in [used[k] for k in mispaired]:
+            dropped[shot.name] = "left and right are not of one instant"
+            used.remove(shot)
+        if mispaired:
+            continue
+        rig, X_LBoard, residuals_px = _estimate(alone, used, size, board)
         outlier = _outlier(residuals_px)
         if outlier is None:
             break
@@ -83,7 +110,9 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
         held_out_px=_held_out_px(used, size, board),
         fit_px=float(np.sqrt(np.mean(residuals_px**2))),
     )
-    check(quality)
+    warnings = tuple(complaints(quality, limits))
+    if warnings and not accept:
+        raise CalibrationError(f"{warnings[0]}. `--accept` takes the set all the same", quality)
     return Calibration(
         rig=rig,
         board=board,
@@ -92,6 +121,7 @@ def calibrate(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -
         X_LBoard=X_LBoard,
         dropped=dropped,
         quality=quality,
+        warnings=warnings,
     )
 
 
@@ -117,28 +147,58 @@ def fit_pose(
     return se3.pose(R_AB, centre_A - R_AB @ centre_B)
 
 
+@dataclass(frozen=True)
+class _Alone:
+    """What each camera says by itself."""
+
+    cameras: tuple[Intrinsics, Intrinsics]
+    X_CBoard: tuple[Float[np.ndarray, "shots 4 4"], Float[np.ndarray, "shots 4 4"]]
+    """Where the board was, in the left and in the right camera [m]."""
+
+
+def _each_alone(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> _Alone:
+    """Each camera by itself."""
+    objects = [board.points.astype(np.float32)] * len(shots)
+    cameras, places = [], []
+    for side in ("left", "right"):
+        pixels = [getattr(shot, side).astype(np.float32) for shot in shots]
+        _, K, distortion, turns, moves = cv2.calibrateCamera(
+            objects, pixels, size, np.eye(3), np.zeros(5)
+        )
+        cameras.append(
+            Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1])
+        )
+        turned, moved = (np.array(values).reshape(-1, 3) for values in (turns, moves))
+        places.append(se3.from_rotation_vector(turned, moved))
+    return _Alone((cameras[0], cameras[1]), (places[0], places[1]))
+
+
+def _mispaired(alone: _Alone) -> list[int]:
+    """Shots whose two pictures place the right camera elsewhere than most do: found out before they
+    are fitted together, which takes long where one does not belong.
+    """
+    X_LBoard, X_RBoard = alone.X_CBoard
+    X_LR = X_LBoard @ se3.inverse(X_RBoard)
+    away = np.linalg.norm(X_LR[:, :3, 3] - np.median(X_LR[:, :3, 3], axis=0), axis=1)
+    limit = max(MISPAIRED_RATIO * float(np.median(away)), MISPAIRED)
+    return np.flatnonzero(away > limit).tolist()
+
+
 def _estimate(
-    shots: Sequence[BoardShot], size: tuple[int, int], board: Board
+    alone: _Alone, shots: Sequence[BoardShot], size: tuple[int, int], board: Board
 ) -> tuple[StereoRig, Float[np.ndarray, "shots 4 4"], Float[np.ndarray, "shots 2"]]:
-    """Each camera alone, then the pair, then all together: the pair sharpens the intrinsics as
-    well.
+    """The pair from what each camera says alone, then all together: the pair sharpens the
+    intrinsics as well.
 
     Returns:
         The rig, the board's poses [m], and the residuals [px].
     """
-    objects = [board.points.astype(np.float32)] * len(shots)
+    left, right = alone.cameras
     views = [
         [getattr(shot, side).astype(np.float32) for shot in shots] for side in ("left", "right")
     ]
-    cameras = []
-    for pixels in views:
-        _, K, distortion, _, _ = cv2.calibrateCamera(objects, pixels, size, np.eye(3), np.zeros(5))
-        cameras.append(
-            Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1])
-        )
-    left, right = cameras
     _, _, _, _, _, R, p, _, _ = cv2.stereoCalibrate(  # pyright: ignore[reportCallIssue]
-        objects,
+        [board.points.astype(np.float32)] * len(shots),
         *views,
         left.K,
         left.distortion,
@@ -166,7 +226,7 @@ def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board
     [px].
     """
     kept = [shot for number, shot in enumerate(shots) if number % HELD_OUT_EVERY]
-    rig, _, _ = _estimate(kept, size, board)
+    rig, _, _ = _estimate(_each_alone(kept, size, board), kept, size, board)
     held_out = shots[::HELD_OUT_EVERY]
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in held_out])
     errors_px = bundle.reprojection(rig, X_LBoard, held_out, board)

@@ -2,6 +2,7 @@
 5].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -110,9 +111,9 @@ class StereoRig:
         )
         return StereoRig(left=left, right=right, X_RL=X_RL, X_BL=X_BL)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, warnings: Sequence[str] = ()) -> None:
         """Write the rig where `load`, OpenCV's FileStorage and any YAML reader that knows
-        `!!opencv-matrix` read it.
+        `!!opencv-matrix` read it; as comments what speaks against it.
         """
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
         for side, camera in (("left", self.left), ("right", self.right)):
@@ -123,6 +124,8 @@ class StereoRig:
         storage.write("X_RL", self.X_RL)
         if self.X_BL is not None:
             storage.write("X_BL", self.X_BL)
+        for warning in warnings:
+            storage.writeComment(f"Accepted in spite of this: {warning}")
         storage.release()
 
     def rectify(

@@ -32,6 +32,7 @@ from breastscan.tissue import drag
 from breastscan.tissue.drag import PressedBreast
 from breastscan.vision import calibration
 from breastscan.vision.board import Board, find_corners
+from breastscan.vision.boards.calibration_quality import Quality, QualityLimits, complaints
 from breastscan.vision.camera import Intrinsics, StereoRig
 from experiments.ray_cast_dome import DomeScene
 from sim.arm.servo import ServoConfig
@@ -78,6 +79,7 @@ class Everything(ScanConfig):
     scene: SceneConfig = field(default_factory=SceneConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     board: Board = field(default_factory=Board)
+    limits: QualityLimits = field(default_factory=QualityLimits)
     world: World = field(default_factory=World)
 
 
@@ -367,6 +369,18 @@ def looked_for(c: Everything) -> Any:
     rig = board_shots.make_rig(distorted=False)
     (X_LBoard,) = board_shots.poses_in_view(rig, 1, np.random.default_rng(0))
     return find_corners(board_shots.picture(rig.left, X_LBoard), c.board)
+
+
+def judged(c: Everything) -> Any:
+    """Sets about the limits, one figure a little better or worse than each."""
+    usual = {"coverage": 0.5, "tilt_spread": np.radians(8.0), "held_out_px": 1.0, "fit_px": 0.5}
+    told = []
+    for name, value in usual.items():
+        for by in (0.97, 1.03):
+            figures = usual | {name: by * value}
+            pair = (figures.pop("coverage"),) * 2
+            told.append(complaints(Quality(coverage=pair, **figures), c.limits))
+    return told
 
 
 def calibrated(c: Everything) -> Any:

@@ -111,7 +111,8 @@ def shots_found() -> ShotFolder:
     camera = Scene(SceneConfig()).rig.left
     corners = np.zeros((35, 2))
     shot = BoardShot(name="a", left=corners, right=corners)
-    return ShotFolder(shots=(shot,), size=(camera.width, camera.height), without_board=())
+    size = (camera.width, camera.height)
+    return ShotFolder(shots=(shot,), size=size, pictures={}, left_out={})
 
 
 def a_pose() -> StatedPoses:
@@ -158,7 +159,10 @@ def recorded_by(command: str) -> dict[str, Any]:
     names = "stage", "follow", "planned", "linger"
     viewer = nullcontext(SimpleNamespace(**dict.fromkeys(names, print)))
     return {
-        "calibrate": {"sim.cameras.shown_board.ShownBoard": (), "files.read_shots": Handed},
+        "calibrate": {
+            "sim.cameras.shown_board.ShownBoard": (), "files.read_shots": shots_found(),
+            "calibration.calibrate": Handed,
+        },
         "handeye": {
             "sim.cameras.held_board.HeldBoard": (), "poses_table.read": a_pose(),
             "files.read_shots": shots_found(), "hand_eye": Handed,
@@ -169,7 +173,9 @@ def recorded_by(command: str) -> dict[str, Any]:
             "motion.plan_motion": ten_rows(), "motion.hidden_speed": None,
             "program.urscript": "",
         },
-        "reconstruct": {"match": (None, None), "reconstruct_breast": Handed},
+        "reconstruct": {
+            "match": (None, None), "_check_fit": None, "reconstruct_breast": Handed,
+        },
         "scan": report | {
             "Twin": ATwin(), "render_video": None,
             "filament.unusable": None, "preflight.examine": Found(),

@@ -15,6 +15,7 @@ from breastscan.commands.handeye import handeye
 from breastscan.errors import CalibrationError, PerceptionError
 from breastscan.geometry import se3
 from breastscan.vision.boards import poses_table
+from breastscan.vision.boards.calibration_quality import QualityLimits
 from breastscan.vision.camera import StereoRig
 from tests.vision.board_shots import BOARD, SIZE, flange_poses, make_rig, picture, poses_in_view
 
@@ -138,14 +139,37 @@ def test_pictures_without_a_board_are_refused_and_nothing_is_written(tmp_path):
     assert list(out.iterdir()) == []
 
 
-def test_a_damaged_or_missing_picture_is_named(rig, tmp_path):
-    write_pictures(tmp_path, rig, poses_in_view(rig, 1, np.random.default_rng(0)))
+def test_a_damaged_picture_is_named_and_one_without_its_partner_left_out(rig, tmp_path):
+    write_pictures(tmp_path, rig, poses_in_view(rig, 2, np.random.default_rng(0)))
+    (tmp_path / "00_right.png").unlink()
+    found = shots.read_shots(tmp_path, BOARD)
+    assert [shot.name for shot in found.shots] == ["01"]
+    assert found.left_out == {"00_left.png": "no partner"}
     (tmp_path / "00_right.png").write_bytes(b"not a picture")
     with pytest.raises(PerceptionError, match="00_right"):
         shots.read_shots(tmp_path, BOARD)
-    (tmp_path / "00_right.png").unlink()
-    with pytest.raises(PerceptionError, match="00_right"):
-        shots.read_shots(tmp_path, BOARD)
+
+
+def test_a_shot_that_was_copied_counts_once(rig, tmp_path):
+    write_pictures(tmp_path, rig, poses_in_view(rig, 1, np.random.default_rng(0)))
+    for side in ("left", "right"):
+        content = (tmp_path / f"00_{side}.png").read_bytes()
+        (tmp_path / f"copy_{side}.png").write_bytes(content)
+    found = shots.read_shots(tmp_path, BOARD)
+    assert [shot.name for shot in found.shots] == ["00"]
+    assert found.left_out == {"copy": "the same as 00"}
+
+
+def test_a_set_that_misses_its_limits_is_written_where_accepted_with_its_warnings(
+    board_folder, tmp_path, capsys
+):
+    limits = QualityLimits(coverage=0.99)
+    with pytest.raises(CalibrationError, match="99% are needed"):
+        calibrate(board_folder, out=tmp_path, board=BOARD, limits=limits)
+    calibrate(board_folder, out=tmp_path, board=BOARD, limits=limits, accept=True)
+    assert "99% are needed" in (tmp_path / "rig.yaml").read_text().replace("\n", " ")
+    assert StereoRig.load(tmp_path / "rig.yaml").baseline > 0.05
+    assert "Accepted in spite of this" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".tiff", ".bmp"])

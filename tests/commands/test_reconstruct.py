@@ -1,5 +1,6 @@
 """A pair on disk against the ray-cast truth, and every way in which a pair can be unusable."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -129,6 +130,31 @@ def test_cut_off_file_is_refused_by_name(tmp_path, suffix, fraction):
         read_grey(path)
 
 
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_a_camera_of_fewer_bits_than_its_file_is_read_in_its_own_range(tmp_path, bits):
+    full = 2**bits - 1
+    grey = np.linspace(0, full, 64).astype(np.uint16).reshape(8, 8)
+    cv2.imwrite(str(tmp_path / "a.png"), grey)
+    expected = grey.astype(float) * 255 / full
+    assert np.abs(read_grey(tmp_path / "a.png") - expected).max() < 0.51
+
+
+def test_what_lies_behind_a_jpegs_end_does_no_harm_and_a_preview_no_good(tmp_path):
+    """A camera's notes of 5 kB behind the end; before the pixels a preview with an end of its own,
+    which does not make a whole picture of one that was cut off.
+    """
+    whole = cv2.imencode(".jpg", SCENE.pair().left)[1].tobytes()
+    preview = b"\xff\xd8\xff\xd9"
+    with_preview = whole[:2] + b"\xff\xe1" + (len(preview) + 2).to_bytes(2, "big") + preview
+    (tmp_path / "long.jpg").write_bytes(with_preview + whole[2:] + bytes(5000))
+    np.testing.assert_array_equal(
+        read_grey(tmp_path / "long.jpg"), cv2.imdecode(np.frombuffer(whole, np.uint8), 0)
+    )
+    (tmp_path / "cut.jpg").write_bytes((with_preview + whole[2:])[: len(whole) // 2])
+    with pytest.raises(PerceptionError, match="damaged"):
+        read_grey(tmp_path / "cut.jpg")
+
+
 @pytest.mark.parametrize(
     ("image", "complaint"),
     [
@@ -146,6 +172,37 @@ def test_unusable_image_is_named_with_a_cure_and_nothing_is_written(
     with pytest.raises(PerceptionError, match=complaint):
         run(folder, out, right="other.png")
     assert not out.exists() or not list(out.iterdir())
+
+
+def test_a_pair_of_another_rig_is_refused_unless_told(folder, tmp_path):
+    """The right camera's view hangs 9 px lower than its rig says."""
+    pair = SCENE.pair()
+    cv2.imwrite(str(folder / "lower.png"), np.roll(pair.right, 9, axis=0))
+    with pytest.raises(PerceptionError, match=r"9\.0 px apart in height.*rig file"):
+        run(folder, tmp_path, right="lower.png")
+    assert not list(tmp_path.iterdir())
+    files = (folder / name for name in ("left.png", "lower.png", "rig.yaml"))
+    reconstruct(*files, out=tmp_path, accept=True)
+    assert (tmp_path / "depth.tiff").is_file()
+
+
+def test_a_view_of_which_hardly_anything_matches_is_refused_unless_told(folder, tmp_path):
+    """Two pictures of noise that have a strip in common."""
+    rng = np.random.default_rng(0)
+    left, right = rng.integers(0, 255, (2, 448, 640)).astype(np.uint8)
+    right[200:230, :-80] = left[200:230, 80:]
+    for name, image in (("a.png", left), ("b.png", right)):
+        cv2.imwrite(str(folder / name), image)
+    with pytest.raises(PerceptionError, match="% of the view matches"):
+        run(folder, tmp_path, left="a.png", right="b.png")
+
+
+def test_what_was_matched_is_told(folder, tmp_path, capsys):
+    run(folder, tmp_path)
+    told = capsys.readouterr().out
+    assert "% of the view matched" in told
+    near, far = re.search(r"matched, ([0-9.]+) to ([0-9.]+) m away", told).groups()
+    assert 0.3 < float(near) < float(far) < 1.0
 
 
 def test_exchanged_images_are_recognised_and_nothing_is_written(folder, tmp_path):

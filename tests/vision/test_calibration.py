@@ -6,7 +6,12 @@ from breastscan.errors import CalibrationError
 from breastscan.geometry import se3
 from breastscan.vision.board import BoardShot
 from breastscan.vision.boards.bundle import reprojection
-from breastscan.vision.boards.calibration_quality import Quality, check, tilt_spread
+from breastscan.vision.boards.calibration_quality import (
+    Quality,
+    QualityLimits,
+    complaints,
+    tilt_spread,
+)
 from breastscan.vision.calibration import board_pose, calibrate, fit_pose
 from tests.vision.board_shots import BOARD, SIZE, make_rig, poses_in_view, shots_of
 
@@ -70,7 +75,7 @@ def test_too_few_shots_are_refused(shots):
 
 def test_shots_in_the_middle_of_the_image_alone_are_refused(rig):
     X = poses_in_view(rig, 14, np.random.default_rng(2), width_fraction=0.15)
-    with pytest.raises(CalibrationError, match=r"cover .* of the left image"):
+    with pytest.raises(CalibrationError, match=r"cover .* of the left and"):
         calibrate(shots_of(rig, X, np.random.default_rng(3)), SIZE, BOARD)
 
 
@@ -86,10 +91,28 @@ GOOD = {"coverage": (0.8, 0.8), "tilt_spread": 0.3, "held_out_px": 0.05, "fit_px
         ({"held_out_px": 0.2}, "held out"),
     ],
 )
-def test_a_poor_set_is_refused_with_the_reason(poor, reason):
-    check(Quality(**GOOD))
-    with pytest.raises(CalibrationError, match=reason):
-        check(Quality(**GOOD | poor))
+def test_of_a_poor_set_the_reason_is_told(poor, reason):
+    assert complaints(Quality(**GOOD), QualityLimits()) == []
+    (told,) = complaints(Quality(**GOOD | poor), QualityLimits())
+    assert reason in told
+
+
+def test_limits_can_be_set_and_a_set_that_misses_them_accepted_with_its_warnings(shots):
+    limits = QualityLimits(coverage=0.99)
+    with pytest.raises(CalibrationError, match=r"99% are needed.*--accept"):
+        calibrate(shots, SIZE, BOARD, limits)
+    accepted = calibrate(shots, SIZE, BOARD, limits, accept=True)
+    (warning,) = accepted.warnings
+    assert "99% are needed" in warning
+
+
+def test_pictures_of_two_instants_are_named_before_they_are_fitted(rig, shots, calibration):
+    """The right picture of a shot was taken when the board had moved on, by 20 mm at least."""
+    mixed = list(shots)
+    mixed[3] = BoardShot(name="late", left=shots[3].left, right=shots[9].right)
+    found = calibrate(mixed, SIZE, BOARD)
+    assert found.dropped == {"late": "left and right are not of one instant"}
+    assert abs(found.rig.baseline - rig.baseline) * 1e3 < 0.05
 
 
 def test_boards_that_tilt_about_one_axis_alone_have_no_spread():

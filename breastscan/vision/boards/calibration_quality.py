@@ -6,19 +6,28 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from breastscan.errors import CalibrationError
+from breastscan.checks import require_positive
 from breastscan.vision.board import BoardShot
 
 CELLS = (8, 6)
 """Columns and rows of the cells in which corners are counted."""
-MIN_COVERAGE = 0.5
-"""Fraction of each image's cells with a corner in it [-]."""
-MIN_TILT_SPREAD = np.radians(8.0)
-"""Spread of the boards' normals about every axis, one sigma [rad]."""
-LARGEST_HELD_OUT_RATIO = 2.0
-"""Residual of shots held out over that of the fit [-]."""
-LARGEST_FIT_PX = 0.5
-"""Residual of the fit [px]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class QualityLimits:
+    """What a set of shots has to reach to be trusted."""
+
+    coverage: float = 0.5
+    """Least fraction of each image's cells with a corner in it [-]."""
+    tilt_spread_deg: float = 8.0
+    """Least spread of the boards' normals about every axis, one sigma [deg]."""
+    fit_px: float = 0.5
+    """Largest residual of the fit [px]."""
+    held_out_ratio: float = 2.0
+    """Largest residual of shots held out, over that of the fit [-]."""
+
+    def __post_init__(self) -> None:
+        require_positive(self, "limits")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,40 +44,28 @@ class Quality:
     """Residual of the fit [px]."""
 
 
-def check(quality: Quality) -> None:
-    """Refuse a set of shots that does not determine the cameras well.
-
-    Raises:
-        CalibrationError: The reason, and how to shoot better.
-    """
-    for side, fraction in zip(("left", "right"), quality.coverage, strict=True):
-        if fraction < MIN_COVERAGE:
-            raise CalibrationError(
-                f"the board's corners cover {fraction:.0%} of the {side} image, {MIN_COVERAGE:.0%} "
-                "are needed: show the board in the corners and along the edges too",
-                quality,
-            )
-    if quality.tilt_spread < MIN_TILT_SPREAD:
-        raise CalibrationError(
-            f"the board's tilt varies by {np.degrees(quality.tilt_spread):.1f} deg about one axis, "
-            f"{np.degrees(MIN_TILT_SPREAD):.0f} deg are needed: tilt it by 20 to 45 deg about "
-            "several axes",
-            quality,
-        )
-    if quality.fit_px > LARGEST_FIT_PX:
-        raise CalibrationError(
+def complaints(quality: Quality, limits: QualityLimits) -> list[str]:
+    """Why a set of shots does not determine the cameras well, and how to shoot better."""
+    left, right = quality.coverage
+    tilt_deg = np.degrees(quality.tilt_spread)
+    return [
+        reason
+        for reason, applies in {
+            f"the board's corners cover {left:.0%} of the left and {right:.0%} of the right image, "
+            f"{limits.coverage:.0%} are needed: show the board in the corners and along the edges "
+            "too": min(left, right) < limits.coverage,
+            f"the board's tilt varies by {tilt_deg:.1f} deg about one axis, "
+            f"{limits.tilt_spread_deg:g} deg are needed: tilt it by 20 to 45 deg about several "
+            "axes": tilt_deg < limits.tilt_spread_deg,
             f"the corners depart from the fitted cameras by {quality.fit_px:.2f} px, at most "
-            f"{LARGEST_FIT_PX} px are accepted: is the board flat, are its squares as stated, are "
-            "the pictures sharp and taken together?",
-            quality,
-        )
-    if quality.held_out_px > LARGEST_HELD_OUT_RATIO * quality.fit_px:
-        raise CalibrationError(
+            f"{limits.fit_px:g} px are accepted: is the board flat, are its squares as stated, are "
+            "the pictures sharp and taken together?": quality.fit_px > limits.fit_px,
             f"shots held out of the calibration depart by {quality.held_out_px:.3f} px, those in "
             f"it by {quality.fit_px:.3f} px: the shots do not determine the cameras, take more of "
-            "them",
-            quality,
-        )
+            "them": quality.held_out_px > limits.held_out_ratio * quality.fit_px,
+        }.items()
+        if applies
+    ]
 
 
 def image_coverage(shots: Sequence[BoardShot], size: tuple[int, int]) -> tuple[float, float]:

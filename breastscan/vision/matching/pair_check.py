@@ -23,6 +23,11 @@ EXCHANGED_GAIN = 1.25
 unrelated images, too, a third may."""
 MIN_FRACTION = 0.05
 """Fewer matches say nothing about the order: the two images do not belong together."""
+LEAST_MATCHED = 0.1
+"""Of the pixels of a view, that have to match for its depth to be trusted [-]."""
+FARTHEST = 100.0
+"""Median depth of a view that is trusted, in baselines: a disparity of 10 px or so in pictures of
+1000 px."""
 
 
 def check_exposure(image: UInt8[np.ndarray, "h w"], name: str) -> None:
@@ -73,6 +78,33 @@ def check_exchanged(
             f"match as given, {100 * exchanged_fraction:.0f} % the other way round: exchange the "
             "two files, or the cameras' cables",
             fraction,
+        )
+
+
+def check_depth(depth: Float32[np.ndarray, "h w"], baseline: float) -> None:
+    """Refuse a view of which hardly anything matches, or that is too far away for its cameras.
+
+    Args:
+        depth: Of every pixel [m], NaN where unknown.
+        baseline: Distance of the cameras [m].
+
+    Raises:
+        PerceptionError: Then what matches may be chance.
+    """
+    matched, median = _known_fraction(depth), float(np.nanmedian(depth))
+    if matched < LEAST_MATCHED:
+        raise PerceptionError(
+            f"{100 * matched:.1f} % of the view matches, at least {100 * LEAST_MATCHED:.0f} % are "
+            "expected: are the pictures of one scene and one instant, is the rig file theirs, is "
+            "there texture and light? `--accept` writes what there is",
+            matched,
+        )
+    if median > FARTHEST * baseline:
+        raise PerceptionError(
+            f"half of what matches is more than {median:.3g} m away, {median / baseline:.0f} times "
+            f"the cameras' {baseline * 1e3:.0f} mm, at most {FARTHEST:g} times are expected: is "
+            "the rig file theirs, are the pictures not cropped? `--accept` writes what there is",
+            median,
         )
 
 
