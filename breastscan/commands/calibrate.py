@@ -19,7 +19,7 @@ from breastscan.run.writing import staged, write_settings
 from breastscan.vision import calibration
 from breastscan.vision.board import Board
 from breastscan.vision.boards.calibration_quality import QualityLimits
-from breastscan.vision.calibration import Calibration
+from breastscan.vision.calibration import Calibration, Lens
 from breastscan.vision.rigs.writing import write_camera_info
 
 
@@ -31,6 +31,7 @@ def calibrate(
     seed: Seed = 0,
     board: Board = Board(),  # noqa: B008 (frozen)
     limits: QualityLimits = QualityLimits(),  # noqa: B008 (frozen)
+    lens: Lens = 5,
     accept: bool = False,
 ) -> None:
     """Calibrate a pair of cameras from shots of a chessboard.
@@ -44,6 +45,8 @@ def calibrate(
         seed: Seed of the twin's shots.
         board: The board.
         limits: What the shots have to reach for the calibration to be trusted.
+        lens: Coefficients of the lenses' distortion: 4, 5, 8 (wide angles), 12 or 14 (tilted
+            sensors).
         accept: Whether a calibration that does not reach them is written all the same, its warnings
             in its file.
 
@@ -64,16 +67,16 @@ def calibrate(
         for name, pair in shown or ():
             files.write_shot(folder, name, pair)
         found = files.read_shots(shots or folder, board)
-        result = calibration.calibrate(found.shots, found.size, board, limits, accept=accept)
+        result = calibration.calibrate(
+            found.shots, found.size, board, limits, lens=lens, accept=accept
+        )
         metrics = _metrics(result) | (shown.scene.errors_of(result.rig) if shown else {})
         write_camera_info(folder, result.rig)
         files.write_results(
             folder, found, result, _figures(found, result), metrics, warnings=result.warnings
         )
-        write_settings(
-            folder,
-            {"twin": twin, "seed": seed, "board": board, "limits": limits, "accept": accept},
-        )
+        settings = {"twin": twin, "seed": seed, "board": board}
+        write_settings(folder, {**settings, "limits": limits, "lens": lens, "accept": accept})
     files.tell_results(out, metrics)
     for warning in result.warnings:
         console.print(f"[yellow]Accepted in spite of this: {escape(warning)}[/]", soft_wrap=True)

@@ -14,7 +14,10 @@ from breastscan.geometry.kinematic_calibration import KinematicCalibration
 from breastscan.planning.clearance import Clearance
 
 MARGIN = 0.01
-"""Smallest gap on a way [m]; where it begins or ends nearer to something, that."""
+"""Smallest gap on a way [m]; close to its ends, where it begins or ends nearer to something,
+that."""
+CLOSE = 0.15
+"""Of the joint that is farthest from where it is at an end [rad]."""
 SLACK = 1e-3
 """By which a way may come nearer than its ends [m]."""
 LOOK = 0.02
@@ -159,12 +162,19 @@ def _cut_short(
 
 
 def keeping(gap: Gap, begin: Joints, end: Joints) -> Free:
-    """Whether ways keep their margin: no larger a one than both ends have."""
-    least = min(MARGIN, *(gap(np.stack([begin, end])) - SLACK))
+    """Whether ways keep their margin: close to their ends no larger a one than these have."""
+    least = np.minimum(MARGIN, gap(np.stack([begin, end])) - SLACK)
+
+    def kept(q: Float[np.ndarray, "n 6"]) -> bool:
+        close = [np.abs(q - at).max(axis=1) < CLOSE for at in (begin, end)]
+        margins = [
+            np.where(near, margin, MARGIN) for near, margin in zip(close, least, strict=True)
+        ]
+        return bool((gap(q) > np.minimum(*margins)).all())
 
     def free(first: Joints, second: Joints) -> bool:
         looks = _looks(first, second)
-        return bool((gap(looks[::-COARSE]) > least).all() and (gap(looks) > least).all())
+        return kept(looks[::-COARSE]) and kept(looks)
 
     return free
 

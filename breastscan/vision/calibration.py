@@ -7,6 +7,7 @@ repeated, as in the paper.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -25,6 +26,8 @@ from breastscan.vision.boards.calibration_quality import (
 )
 from breastscan.vision.camera import Intrinsics, StereoRig
 
+Lens = Literal[4, 5, 8, 12, 14]
+"""Coefficients of the distortion, in OpenCV's order [-]."""
 HELD_OUT_EVERY = 5
 """One shot in so many is held out of a second calibration, and then predicted by it."""
 FEWEST_SHOTS = 12
@@ -67,6 +70,7 @@ def calibrate(
     board: Board,
     limits: QualityLimits = QualityLimits(),  # noqa: B008 (frozen)
     *,
+    lens: Lens = 5,
     accept: bool = False,
 ) -> Calibration:
     """Both cameras and their relative pose, without hand-eye.
@@ -76,6 +80,7 @@ def calibrate(
         size: Width and height of the pictures [px].
         board: The board.
         limits: What the set has to reach.
+        lens: How many coefficients the distortion has.
         accept: Whether a set that does not is taken all the same, with its warnings.
 
     Raises:
@@ -90,7 +95,7 @@ def calibrate(
                 f"needed{_because(dropped)}: take more, with the whole board in both pictures",
                 dropped,
             )
-        alone = _each_alone(used, size, board)
+        alone = _each_alone(used, size, board, lens)
         mispaired = _mispaired(alone)
         for shot in [used[k] for k in mispaired]:
             dropped[shot.name] = "left and right are not of one instant"
@@ -107,7 +112,7 @@ def calibrate(
     quality = Quality(
         coverage=image_coverage(used, size),
         tilt_spread=tilt_spread(X_LBoard),
-        held_out_px=_held_out_px(used, size, board),
+        held_out_px=_held_out_px(used, size, board, lens),
         fit_px=float(np.sqrt(np.mean(residuals_px**2))),
     )
     warnings = tuple(complaints(quality, limits))
@@ -156,18 +161,20 @@ class _Alone:
     """Where the board was, in the left and in the right camera [m]."""
 
 
-def _each_alone(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> _Alone:
+def _each_alone(
+    shots: Sequence[BoardShot], size: tuple[int, int], board: Board, lens: Lens
+) -> _Alone:
     """Each camera by itself."""
     objects = [board.points.astype(np.float32)] * len(shots)
     cameras, places = [], []
     for side in ("left", "right"):
         pixels = [getattr(shot, side).astype(np.float32) for shot in shots]
+        # larger lenses from what a usual one gives: from nothing they bend the picture's rim anyhow
         _, K, distortion, turns, moves = cv2.calibrateCamera(
-            objects, pixels, size, np.eye(3), np.zeros(5)
+            objects, pixels, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3 * (lens == 4)
         )
-        cameras.append(
-            Intrinsics(K=K, distortion=distortion.reshape(5), width=size[0], height=size[1])
-        )
+        coefficients = np.pad(distortion.ravel(), (0, 9))[:lens]
+        cameras.append(Intrinsics(K=K, distortion=coefficients, width=size[0], height=size[1]))
         turned, moved = (np.array(values).reshape(-1, 3) for values in (turns, moves))
         places.append(se3.from_rotation_vector(turned, moved))
     return _Alone((cameras[0], cameras[1]), (places[0], places[1]))
@@ -221,12 +228,14 @@ def _outlier(residuals_px: Float[np.ndarray, "shots 2"]) -> int | None:
     return worst if of_shot[worst] > limit_px else None
 
 
-def _held_out_px(shots: Sequence[BoardShot], size: tuple[int, int], board: Board) -> float:
+def _held_out_px(
+    shots: Sequence[BoardShot], size: tuple[int, int], board: Board, lens: Lens
+) -> float:
     """RMS distance between found and predicted corners of shots that a calibration has not seen
     [px].
     """
     kept = [shot for number, shot in enumerate(shots) if number % HELD_OUT_EVERY]
-    rig, _, _ = _estimate(_each_alone(kept, size, board), kept, size, board)
+    rig, _, _ = _estimate(_each_alone(kept, size, board, lens), kept, size, board)
     held_out = shots[::HELD_OUT_EVERY]
     X_LBoard = np.array([board_pose(rig, shot, board) for shot in held_out])
     errors_px = bundle.reprojection(rig, X_LBoard, held_out, board)

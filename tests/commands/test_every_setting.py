@@ -181,6 +181,7 @@ OPTIONS: dict[str, tuple[Any, dict[str, Any]]] = {
     "out": (Path("elsewhere"), {}),
     "on_flange": (True, {}),
     "accept": (True, {}),
+    "lens": (8, {}),
     "resume": ("cut off", {}),
     "seed": (3, {}),
     "calibrate.seed": (3, {"shots": None, "twin": True}),

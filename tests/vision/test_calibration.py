@@ -1,3 +1,6 @@
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -60,6 +63,28 @@ def test_a_shot_that_does_not_fit_is_named_and_dropped(rig, shots):
     assert list(calibration.dropped) == ["moved"]
     assert "px" in calibration.dropped["moved"]
     assert abs(calibration.rig.baseline - rig.baseline) * 1e3 < 0.05
+
+
+@pytest.mark.parametrize(
+    "distortion",
+    [[-0.07, 0.11, 5e-4, -8e-4], [0.3, 0.1, 5e-4, -8e-4, 0.01, 0.37, 0.12, 0.015]],
+    ids=["4 coefficients", "8"],
+)
+def test_lenses_of_other_models_are_found(distortion, rig, X_LBoard):
+    """Where a point of the view is seen, to a third of a pixel all over the picture."""
+    left, right = (replace(c, distortion=np.array(distortion)) for c in (rig.left, rig.right))
+    true = replace(rig, left=left, right=right)
+    seen = shots_of(true, X_LBoard, np.random.default_rng(5))
+    found = calibrate(seen, SIZE, BOARD, lens=len(distortion), accept=True).rig
+    assert found.left.distortion.shape == (len(distortion),)
+    x, y = np.meshgrid(np.linspace(-0.7, 0.7, 9), np.linspace(-0.55, 0.55, 7))
+    view = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
+    there, here = (
+        cv2.projectPoints(view, np.zeros(3), np.zeros(3), c.K, c.distortion)[0][:, 0]
+        for c in (left, found.left)
+    )
+    assert np.sqrt(((there - here) ** 2).sum(axis=1).mean()) < 0.33
+    assert abs(found.baseline - rig.baseline) * 1e3 < 0.05
 
 
 def test_swapped_cameras_are_noticed(shots):

@@ -26,8 +26,6 @@ ASKED = np.array([2e-3, 5e-4])
 COMMON = 20
 """Unknowns that all poses share: motions of the camera in the base, the right camera in it and the
 board in the flange, and the scales of the board and of both focal lengths."""
-STEP = 1e-7
-"""For derivatives by differences [rad, m, -]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +75,10 @@ def fit(
     scale_sigmas = ASKED if lengths else TRUSTED
 
     def errors_px(common: Float[np.ndarray, "m"], of_poses: Float[np.ndarray, "n 6"]) -> np.ndarray:
-        small = _motions(common[:18].reshape(3, 6))
-        X_LBoard = se3.inverse(X_BL @ small[0]) @ X_BF @ _motions(of_poses) @ X_FBoard @ small[2]
+        small = bundle.motions(common[:18].reshape(3, 6))
+        X_LBoard = (
+            se3.inverse(X_BL @ small[0]) @ X_BF @ bundle.motions(of_poses) @ X_FBoard @ small[2]
+        )
         scaled = replace(board, square=board.square * np.exp(common[18]))
         return bundle.reprojection(_adjusted(rig, small[1], common[19]), X_LBoard, shots, scaled)
 
@@ -88,21 +88,11 @@ def fit(
         return np.concatenate([seen, _slack(of_poses).ravel(), common[18:] / scale_sigmas])
 
     def jacobian(x: Float[np.ndarray, "m"]) -> Float[np.ndarray, "k m"]:
-        """By differences; a pose moves the corners of its own shot alone, so one difference
-        serves for the same motion of all of them.
-        """
-        common, of_poses = x[:COMMON], x[COMMON:].reshape(-1, 6)
-        here = errors_px(common, of_poses)
-        rows = here[0].size
-        J = np.zeros((here.size + 6 * poses + 2, len(x)))
-        for k, step in enumerate(STEP * np.eye(COMMON)):
-            J[: here.size, k] = (errors_px(common + step, of_poses) - here).ravel()
-        for k, step in enumerate(STEP * np.eye(6)):
-            moved = (errors_px(common, of_poses + step) - here).reshape(poses, rows)
-            for pose in range(poses):
-                J[rows * pose : rows * (pose + 1), COMMON + 6 * pose + k] = moved[pose]
-        J[: here.size] /= CORNER_SIGMA_PX * STEP
-        J[here.size : -2, COMMON:] = np.diag(_slack(np.ones((poses, 6))).ravel())
+        here = poses * shots[0].left.size * 2
+        J = np.zeros((here + 6 * poses + 2, len(x)))
+        J[:here] = bundle.jacobian(errors_px, x[:COMMON], x[COMMON:].reshape(-1, 6))
+        J[:here] /= CORNER_SIGMA_PX
+        J[here:-2, COMMON:] = np.diag(_slack(np.ones((poses, 6))).ravel())
         J[-2:, 18:COMMON] = np.diag(1 / scale_sigmas)
         return J
 
@@ -114,7 +104,7 @@ def fit(
         x_scale="jac",
     )
     common, of_poses = best.x[:COMMON], best.x[COMMON:].reshape(-1, 6)
-    small = _motions(common[:18].reshape(3, 6))
+    small = bundle.motions(common[:18].reshape(3, 6))
     freedom = best.fun.size - best.x.size
     excess = max(1.0, 2 * best.cost / freedom)
     return ArmFit(
@@ -135,10 +125,6 @@ def _adjusted(rig: StereoRig, of_right: Float[np.ndarray, "4 4"], log_focal: flo
         for camera in (rig.left, rig.right)
     )
     return replace(rig, left=left, right=right, X_RL=rig.X_RL @ of_right)
-
-
-def _motions(small: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 4 4"]:
-    return se3.from_rotation_vector(small[:, :3], small[:, 3:])
 
 
 def _slack(of_poses: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 6"]:

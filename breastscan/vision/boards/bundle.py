@@ -5,7 +5,7 @@ OpenCV's `stereoCalibrate` adjusts the same quantities, but stops well short of 
 narrow valleys.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
@@ -19,8 +19,11 @@ from breastscan.vision.camera import Intrinsics, StereoRig
 
 FOCAL_AND_CENTRE = ([0, 1, 0, 1], [0, 1, 2, 2])
 """Where fx, fy, cx and cy stand in a camera matrix."""
-LENS_PARAMETERS = 9
-"""fx, fy, cx, cy [px] and the five coefficients of the distortion."""
+EVALUATIONS = 60
+"""At most: an adjustment takes about ten, and coefficients that hardly matter would go on for
+ever."""
+STEP = 1e-7
+"""For derivatives by differences [rad, m, -]."""
 
 
 def project(
@@ -51,24 +54,63 @@ def adjust(
     rig: StereoRig, X_LBoard: Float[np.ndarray, "n 4 4"], shots: Sequence[BoardShot], board: Board
 ) -> tuple[StereoRig, Float[np.ndarray, "n 4 4"]]:
     """The rig and the board's poses that fit the corners best, from a start near them."""
+    of_lenses = 2 * (4 + len(rig.left.distortion))  # focal lengths, centre, distortion
+    shared = of_lenses + 6
 
-    def moved(x: Float[np.ndarray, "m"]) -> tuple[StereoRig, Float[np.ndarray, "n 4 4"]]:
-        lenses, motions = (
-            x[: 2 * LENS_PARAMETERS].reshape(2, -1),
-            x[2 * LENS_PARAMETERS :].reshape(-1, 6),
-        )
-        small = se3.from_rotation_vector(motions[:, :3], motions[:, 3:])
+    def moved(common: np.ndarray, of_poses: np.ndarray) -> tuple[StereoRig, np.ndarray]:
+        lenses, of_right = common[:of_lenses].reshape(2, -1), common[None, of_lenses:]
         left, right = _lens(rig.left, lenses[0]), _lens(rig.right, lenses[1])
-        return replace(rig, left=left, right=right, X_RL=rig.X_RL @ small[0]), X_LBoard @ small[1:]
+        X_RL = rig.X_RL @ motions(of_right)[0]
+        return replace(rig, left=left, right=right, X_RL=X_RL), X_LBoard @ motions(of_poses)
 
-    def errors(x: Float[np.ndarray, "m"]) -> Float[np.ndarray, "k"]:
-        return reprojection(*moved(x), shots, board).ravel()
+    def errors_px(common: np.ndarray, of_poses: np.ndarray) -> np.ndarray:
+        return reprojection(*moved(common, of_poses), shots, board)
 
-    start = np.zeros(2 * LENS_PARAMETERS + 6 * (1 + len(shots)))
-    return moved(least_squares(errors, start, x_scale="jac", method="lm").x)
+    def parts(x: Float[np.ndarray, "m"]) -> tuple[np.ndarray, np.ndarray]:
+        return x[:shared], x[shared:].reshape(-1, 6)
+
+    best = least_squares(
+        lambda x: errors_px(*parts(x)).ravel(),
+        np.zeros(shared + 6 * len(shots)),
+        lambda x: jacobian(errors_px, *parts(x)),  # pyright: ignore[reportArgumentType]
+        x_scale="jac",
+        method="lm",
+        max_nfev=EVALUATIONS,
+    )
+    return moved(*parts(best.x))
 
 
-def _lens(camera: Intrinsics, change: Float[np.ndarray, "9"]) -> Intrinsics:
+def jacobian(
+    errors_px: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    common: Float[np.ndarray, "m"],
+    of_poses: Float[np.ndarray, "n 6"],
+) -> Float[np.ndarray, "k p"]:
+    """Derivatives of the corners' errors by differences. A pose moves the corners of its own shot
+    alone, so one difference serves for the same motion of all of them: a tenth of the time.
+
+    Args:
+        errors_px: Errors of each shot, from the two below [px].
+        common: Unknowns that all shots share.
+        of_poses: Small motions of each shot's pose [rad, m].
+    """
+    here = errors_px(common, of_poses)
+    poses, rows = len(of_poses), here[0].size
+    J = np.zeros((here.size, len(common) + of_poses.size))
+    for k, step in enumerate(STEP * np.eye(len(common))):
+        J[:, k] = (errors_px(common + step, of_poses) - here).ravel()
+    for k, step in enumerate(STEP * np.eye(6)):
+        moved = (errors_px(common, of_poses + step) - here).reshape(poses, rows)
+        for pose in range(poses):
+            J[rows * pose : rows * (pose + 1), len(common) + 6 * pose + k] = moved[pose]
+    return J / STEP
+
+
+def motions(small: Float[np.ndarray, "m 6"]) -> Float[np.ndarray, "m 4 4"]:
+    """Small motions [rad, m] as poses."""
+    return se3.from_rotation_vector(small[:, :3], small[:, 3:])
+
+
+def _lens(camera: Intrinsics, change: Float[np.ndarray, "k"]) -> Intrinsics:
     """The camera with its focal lengths and centre changed by a fraction of the focal length, its
     distortion by itself.
     """
