@@ -1,6 +1,7 @@
 """The command line: it says which commands there are, and imports the one that is asked for."""
 
 import errno
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -95,6 +96,9 @@ def _errors_told(errors: Console) -> Iterator[Console]:
             raise
         errors.print("Interrupted: earlier results are untouched.")
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:  # of `... | head`: who read has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except Exception as error:
         for package in unsuited():
             errors.print(f"[yellow]{package}[/]")

@@ -32,6 +32,14 @@ def test_help_lists_every_command(capsys):
     assert all(name in out for name in cli.COMMANDS)
 
 
+def test_a_reader_that_has_seen_enough_ends_it_without_a_traceback():
+    program = [sys.executable, "-m", "breastscan", "scan", "--help-all"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+    assert process.returncode == 1
+
+
 def test_no_command_prints_the_help_and_fails(capsys):
     status, out, _ = run(capsys)
     assert status == 2
