@@ -39,6 +39,7 @@ OF_OTHERS = frozenset((
     "seed", "video", "fine", "rig", "robot", "cell", "camera", "calibration", "dry_run",
     "link", "resume", "tcp", "plate_height", "urscript", "perception", "planning", "contact",
     "safety", "scene", "board", "twin", "controller", "clock", "out", "web", "host", "port",
+    "limits", "lens", "on_flange", "accept",
 ))  # fmt: skip
 """What a `config.json` may hold that not every command has: left out there, and told."""
 EVERYDAY = (
